@@ -1,0 +1,5 @@
+"""Effects: each adds its own Terms to a machine, or is not there at all."""
+
+from models.effects.gravity import Gravity
+
+__all__ = ["Gravity"]

@@ -1,0 +1,37 @@
+"""Canonical form: the state is (q, p) with momenta p = dT/dw in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from models.factorisation import factorise
+from models.forms.normal_form import normal_form, symbols
+from models.frames import Frame
+from models.manipulator import Manipulator
+from models.mechanics import Partials, assemble, momentum_rate
+from models.terms import Effect
+from ocp.system import System
+
+
+def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Frame | None = None) -> System:
+    """Return the canonical equations in a frame of quasi-velocities.
+
+    q' = S(q) w,  w = g'^-1 p = dH/dp,  p' = -dH/dw-direction - p A w + S' tau,  x = [q; p], u = tau
+
+    Args:
+        machine: from `cylindrical`, `spherical` or `torus`.
+        effects: such as [Gravity()]; an effect that is not listed leaves no trace.
+        frame: name of a frame of the machine, or a Frame; None is "regular".
+
+    Raises:
+        TypeError: no machine, or no effect.
+        ValueError: no such frame, or one that is singular for these parameters.
+
+    Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (2.3); (3.5), (4.7), (5.7).
+    """
+    mechanics = assemble(machine, effects)
+    basis = mechanics.frame(frame)
+    p = symbols("p", basis.q.numel())
+    w = factorise(basis.metric).solve(p)
+    v = basis.inverse @ w
+    return normal_form(mechanics, basis, p, w, v, momentum_rate(mechanics, basis, w, p, Partials.of(basis)))

@@ -1,0 +1,42 @@
+"""Lagrange form: the state is (q, v) with v = dq/dt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from models.factorisation import factorise
+from models.forms.normal_form import normal_form
+from models.frames import Frame, curl
+from models.manipulator import Manipulator
+from models.mechanics import Partials, assemble, momentum_rate
+from models.terms import Effect
+from ocp.system import System
+
+
+def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Frame | None = None) -> System:
+    """Return the Lagrange equations solved for the accelerations.
+
+    g(q) v' + Gamma(q)(v, v) = tau - dU/dq + (forces of effects),  x = [q; v], u = tau
+
+    Args:
+        machine: from `cylindrical`, `spherical` or `torus`.
+        effects: such as [Gravity()]; an effect that is not listed leaves no trace.
+        frame: through which g is inverted, g^-1 = S g'^-1 S'; None is the machine's "regular" frame.
+
+    Raises:
+        TypeError: no machine, or no effect.
+        ValueError: no such frame, or one that is singular for these parameters.
+
+    Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (3.1), (4.1), (5.4).
+    """
+    mechanics = assemble(machine, effects)
+    basis = mechanics.frame(frame)
+    v = machine.v
+    w = basis.matrix @ v
+    partials = Partials.of(basis)
+    moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
+    w_rate = factorise(basis.metric).solve(moved)
+    turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
+    return normal_form(mechanics, basis, v, w, v, basis.inverse @ (w_rate - turning))

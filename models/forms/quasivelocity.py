@@ -1,0 +1,38 @@
+"""Boltzmann-Hamel form: the state is (q, w) with quasi-velocities w = F(q) v."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from models.factorisation import factorise
+from models.forms.normal_form import normal_form, symbols
+from models.frames import Frame
+from models.manipulator import Manipulator
+from models.mechanics import Partials, assemble, momentum_rate
+from models.terms import Effect
+from ocp.system import System
+
+
+def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Frame | None = None) -> System:
+    """Return the Boltzmann-Hamel equations in a frame of quasi-velocities.
+
+    q' = S(q) w,  g' w' + Lambda(q)(w, w) = S' (tau - dU/dq + forces of effects),  x = [q; w], u = tau
+
+    Args:
+        machine: from `cylindrical`, `spherical` or `torus`.
+        effects: such as [Gravity()]; an effect that is not listed leaves no trace.
+        frame: name of a frame of the machine, or a Frame; None is "regular".
+
+    Raises:
+        TypeError: no machine, or no effect.
+        ValueError: no such frame, or one that is singular for these parameters.
+
+    Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (1.6a); (3.4), (4.6), (5.6).
+    """
+    mechanics = assemble(machine, effects)
+    basis = mechanics.frame(frame)
+    w = symbols("w", basis.q.numel())
+    v = basis.inverse @ w
+    partials = Partials.of(basis)
+    moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
+    return normal_form(mechanics, basis, w, w, v, factorise(basis.metric).solve(moved))

@@ -1,0 +1,111 @@
+"""A controlled system x' = f(x, u, p) with named signals: the only bridge between models and optimal control."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+
+
+@dataclass(frozen=True)
+class Label:
+    """What one component of a signal is called, and its unit."""
+
+    name: str
+    unit: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """An ordinary differential equation in normal form, x' = rate(x, u, p).
+
+    Args:
+        x: (nx,) symbols of the state.
+        u: (nu,) symbols of the control.
+        p: (np,) symbols of the parameters, may be empty.
+        rate: (nx,) dx/dt as an expression in x, u, p.
+        signals: name -> expression in x, u, p; what may be bounded, minimised or plotted.
+        nominal: value of every parameter, in the order of p.
+        labels: signal name (or "x", "u") -> one Label for each component; missing ones are numbered.
+        notes: sentences about how the system was built.
+
+    Raises:
+        TypeError: a part is not symbolic.
+        ValueError: shapes disagree, or an expression has a symbol that is neither in x, u nor p.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    rate: ca.SX
+    signals: Mapping[str, ca.SX] = field(default_factory=dict)
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("x", "u", "p", "rate"):
+            part = getattr(self, name)
+            if not isinstance(part, ca.SX):
+                raise TypeError(f"System: {name} is a {type(part).__name__}, expected a CasADi SX column")
+            if part.numel() and part.shape[1] != 1:
+                raise ValueError(f"System: {name} has shape {part.shape}, expected a column")
+        for name in ("x", "u", "p"):
+            if not getattr(self, name).is_valid_input():
+                raise ValueError(f"System: {name} must be made of symbols, got {getattr(self, name)}")
+        if self.rate.numel() != self.x.numel():
+            raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}")
+        if len(self.nominal) != self.p.numel():
+            raise ValueError(
+                f"System: nominal names {len(self.nominal)} parameters ({', '.join(self.nominal) or 'none'}), "
+                f"p has {self.p.numel()}; give one value for each, in the order of p"
+            )
+        self.check_symbols("rate", self.rate)
+        for name, expression in self.signals.items():
+            if not isinstance(expression, ca.SX):
+                raise TypeError(f"System: signal {name!r} is a {type(expression).__name__}, expected a CasADi SX")
+            self.check_symbols(f"signal {name!r}", expression)
+        for name, labels in self.labels.items():
+            size = (self.x if name == "x" else self.u if name == "u" else self[name]).numel()
+            if len(labels) != size:
+                raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
+
+    def check_symbols(self, what: str, expression: ca.SX) -> None:
+        """Raise ValueError if `expression` has a symbol that is not in x, u or p."""
+        known = {s.__hash__() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
+        foreign = [str(s) for s in ca.symvar(expression) if s.__hash__() not in known]
+        if foreign:
+            raise ValueError(
+                f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)} "
+                "(two symbols of one name are two symbols)"
+            )
+
+    def __getitem__(self, name: str) -> ca.SX:
+        """Return the signal called `name`, or raise KeyError with the names there are."""
+        if name in self.signals:
+            return self.signals[name]
+        raise KeyError(f"no signal {name!r}; this system has {', '.join(self.signals) or 'none'}")
+
+    def label(self, name: str, size: int) -> tuple[Label, ...]:
+        """Return the labels of a signal (or of "x", "u") with `size` components."""
+        if name in self.labels:
+            return self.labels[name]
+        return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
+
+    def values(self, given: Mapping[str, float] | None = None) -> list[float]:
+        """Return the parameter values in the order of p, nominal where `given` is silent.
+
+        Raises:
+            ValueError: `given` names a parameter that the system does not have, or a value that is not finite.
+        """
+        given = {} if given is None else given
+        for name, value in given.items():
+            if name not in self.nominal:
+                raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
+            if not abs(float(value)) < float("inf"):
+                raise ValueError(f"parameter {name!r}: got {value}, expected a finite number")
+        return [float(given.get(name, value)) for name, value in self.nominal.items()]
