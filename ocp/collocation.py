@@ -1,0 +1,158 @@
+"""Collocation schemes as data: points, defects, quadrature and the shape of the control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.polynomial import legendre as polynomials
+
+Array = np.ndarray
+
+
+class Control(Enum):
+    """Shape of the control on one element; the interpolant that a Solution returns has the same shape."""
+
+    CONSTANT = "constant"  # one value for each element: limits hold everywhere
+    LINEAR = "linear"  # continuous, piecewise linear: limits hold everywhere
+    COLLOCATED = "collocated"  # a polynomial through the collocation points: limits hold at the points only
+
+
+@dataclass(frozen=True, eq=False)
+class Scheme:
+    """A collocation scheme on one element, tau in [0, 1].
+
+    With state values X_m at `nodes` and h F_j = h T f at `points`, the defects are state @ X - h * rate @ F = 0.
+    """
+
+    name: str
+    degree: int  # number of collocation points
+    control: Control
+    points: Array  # (d,) collocation points
+    weights: Array  # (d,) quadrature weights, sum 1
+    nodes: Array  # (m,) where state values are unknowns; first 0, last 1
+    at: tuple[int, ...]  # (d,) node that lies at each point
+    state: Array  # (rows, m) defect matrix of the state values
+    rate: Array  # (rows, d) defect matrix of the rates
+    basis: tuple[int, ...]  # nodes whose values define the state polynomial
+    order: int  # of the state at the ends of elements, for a smooth problem
+
+    def __repr__(self) -> str:
+        return f"{self.name}({self.degree}, control={self.control})"
+
+    @property
+    def control_nodes(self) -> Array:
+        """(c,) places of the control unknowns of one element."""
+        if self.control is Control.CONSTANT:
+            return np.array([0.0])
+        return np.array([0.0, 1.0]) if self.control is Control.LINEAR else self.points
+
+    def control_at(self, tau: Array) -> Array:
+        """Return the matrix (len(tau), c) that takes the control unknowns of an element to u(tau)."""
+        return lagrange_matrix(self.control_nodes, np.asarray(tau, dtype=float))
+
+    def state_at(self, tau: Array) -> Array:
+        """Return the matrix (len(tau), m) that takes the state unknowns of an element to x(tau)."""
+        matrix = np.zeros((len(tau), len(self.nodes)))
+        matrix[:, list(self.basis)] = lagrange_matrix(self.nodes[list(self.basis)], np.asarray(tau, dtype=float))
+        return matrix
+
+    def slope_at(self, tau: Array) -> Array:
+        """Return the matrix (len(tau), m) that takes the state unknowns of an element to dx/dtau."""
+        matrix = np.zeros((len(tau), len(self.nodes)))
+        matrix[:, list(self.basis)] = slope_matrix(self.nodes[list(self.basis)], np.asarray(tau, dtype=float))
+        return matrix
+
+    def costate_at(self, tau: Array) -> Array:
+        """Return the matrix (len(tau), d) that takes costates at the points to lambda(tau)."""
+        return lagrange_matrix(self.points, np.asarray(tau, dtype=float))
+
+
+def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
+    """Return the Radau IIA scheme: the last point is the end of the element, order 2 degree - 1.
+
+    Args:
+        degree: number of collocation points, 1 to 12.
+        control: shape of the control on an element.
+
+    Raises:
+        ValueError: degree out of range.
+        TypeError: control is no member of Control.
+
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
+    """
+    _check(degree, control)
+    # Roots of P_{d-1} - P_d on [-1, 1]; the root +1 is exact.
+    points = _unit(polynomials.legroots([0.0] * (degree - 1) + [1.0, -1.0]))
+    points[-1] = 1.0
+    nodes = np.concatenate([[0.0], points])
+    return Scheme(
+        "radau", degree, control, points, quadrature(points), nodes, tuple(range(1, degree + 1)),
+        slope_matrix(nodes, points), np.eye(degree), tuple(range(degree + 1)), 2 * degree - 1,
+    )  # fmt: skip
+
+
+def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
+    """Return the Gauss-Legendre scheme: all points inside the element, order 2 degree.
+
+    Args:
+        degree: number of collocation points, 1 to 12.
+        control: shape of the control on an element.
+
+    Raises:
+        ValueError: degree out of range.
+        TypeError: control is no member of Control.
+
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
+    """
+    _check(degree, control)
+    points = _unit(polynomials.leggauss(degree)[0])
+    inner = np.concatenate([[0.0], points])
+    state = np.zeros((degree + 1, degree + 2))
+    state[:degree, :-1] = slope_matrix(inner, points)
+    state[degree, :-1], state[degree, -1] = -lagrange_matrix(inner, np.array([1.0]))[0], 1.0
+    rate = np.vstack([np.eye(degree), np.zeros((1, degree))])
+    return Scheme(
+        "legendre", degree, control, points, quadrature(points), np.concatenate([inner, [1.0]]),
+        tuple(range(1, degree + 1)), state, rate, tuple(range(degree + 1)), 2 * degree,
+    )  # fmt: skip
+
+
+def lagrange_matrix(nodes: Array, tau: Array) -> Array:
+    """Return l_m(tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
+    columns = []
+    for m, node in enumerate(nodes):
+        others = np.delete(nodes, m)
+        columns.append(np.prod((tau[:, None] - others) / (node - others), axis=1))
+    return np.stack(columns, axis=1)
+
+
+def slope_matrix(nodes: Array, tau: Array) -> Array:
+    """Return dl_m/dtau (tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
+    matrix = np.zeros((len(tau), len(nodes)))
+    for m, node in enumerate(nodes):
+        others = np.delete(nodes, m)
+        for skipped in range(len(others)):
+            kept = np.delete(others, skipped)
+            matrix[:, m] += np.prod((tau[:, None] - kept) / (node - kept), axis=1) / (node - others[skipped])
+    return matrix
+
+
+def quadrature(points: Array) -> Array:
+    """Return the weights of the interpolatory quadrature on [0, 1] with the given points."""
+    powers = np.arange(len(points))
+    # Shifted Legendre polynomials: a well-conditioned moment matrix up to high degree.
+    matrix = polynomials.legvander(2.0 * points - 1.0, len(points) - 1).T
+    return np.linalg.solve(matrix, (powers == 0).astype(float))
+
+
+def _unit(points: Array) -> Array:
+    return np.sort((np.real(points) + 1.0) / 2.0)
+
+
+def _check(degree: int, control: Control) -> None:
+    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree <= 12:
+        raise ValueError(f"degree: got {degree!r}, expected a whole number of collocation points from 1 to 12")
+    if not isinstance(control, Control):
+        raise TypeError(f"control: got {control!r}, expected {', '.join(map(str, Control))}")

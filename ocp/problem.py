@@ -1,0 +1,228 @@
+"""An optimal-control problem as a value: system, horizon, cost, constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import casadi as ca
+import numpy as np
+
+from ocp.system import Label, System
+
+
+class Where(Enum):
+    """Where a constraint holds."""
+
+    START = "start"
+    END = "end"
+    ALONG = "along"
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A horizon of given duration [s]."""
+
+    duration: float
+
+    def __post_init__(self) -> None:
+        _positive("Fixed: duration", self.duration)
+
+
+@dataclass(frozen=True)
+class Free:
+    """A horizon whose duration is an unknown.
+
+    Args:
+        guess: starting value of the duration [s].
+        lower, upper: its limits [s].
+    """
+
+    guess: float = 1.0
+    lower: float = 0.0
+    upper: float = float("inf")
+
+    def __post_init__(self) -> None:
+        _positive("Free: guess", self.guess)
+        if not 0.0 <= self.lower <= self.upper:
+            raise ValueError(f"Free: limits {self.lower} .. {self.upper} s, expected 0 <= lower <= upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Bolza:
+    """A cost J = time * T + integral of running dt + final.
+
+    Args:
+        time: weight of the duration T [1/s for a cost without unit].
+        running: expression in x, u, p; integrated over the motion.
+        final: expression in x, p; taken at the end.
+    """
+
+    time: float = 0.0
+    running: ca.SX = field(default_factory=lambda: ca.SX(0))
+    final: ca.SX = field(default_factory=lambda: ca.SX(0))
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.time):
+            raise ValueError(f"Bolza: time weight {self.time}, expected a finite number")
+        for name in ("running", "final"):
+            expression = ca.SX(getattr(self, name))
+            if expression.numel() != 1:
+                raise ValueError(f"Bolza: {name} has {expression.numel()} components, expected one expression")
+            object.__setattr__(self, name, expression)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """lower <= expression <= upper at the start, at the end or along the motion; made by start, end, along."""
+
+    where: Where
+    expression: ca.SX  # (m,)
+    lower: np.ndarray  # (m,)
+    upper: np.ndarray  # (m,)
+
+
+Limit = float | Sequence[float] | np.ndarray | None
+
+
+def start(expression: ca.SX, lower: Limit, upper: Limit = None) -> Constraint:
+    """Constrain an expression at t = 0.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        lower: (m,) or scalar; the value itself if `upper` is not given.
+        upper: (m,) or scalar.
+
+    Raises:
+        ValueError: sizes disagree, NaN, lower > upper.
+    """
+    return _constraint(Where.START, expression, lower, lower if upper is None else upper)
+
+
+def end(expression: ca.SX, lower: Limit, upper: Limit = None) -> Constraint:
+    """Constrain an expression at t = T; arguments as for `start`."""
+    return _constraint(Where.END, expression, lower, lower if upper is None else upper)
+
+
+def along(expression: ca.SX, lower: Limit = None, upper: Limit = None) -> Constraint:
+    """Constrain an expression along the whole motion.
+
+    A component that is one symbol of x or u becomes a bound of unknowns, one of p makes that parameter an unknown.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        lower, upper: (m,) or scalar; None (or infinite) for no limit.
+
+    Raises:
+        ValueError: sizes disagree, NaN, lower > upper.
+    """
+    return _constraint(Where.ALONG, expression, lower, upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise a Bolza cost over a horizon, subject to constraints.
+
+    Args:
+        system: x' = f(x, u, p).
+        horizon: Free or Fixed.
+        minimise: the cost.
+        subject_to: made by start, end, along.
+
+    Raises:
+        TypeError: a part of the wrong kind.
+        ValueError: an expression with symbols that the system does not have, or a constraint that needs u at an end
+            of a cost.
+    """
+
+    system: System
+    horizon: Free | Fixed = field(default_factory=Free)
+    minimise: Bolza = field(default_factory=lambda: Bolza(time=1.0))
+    subject_to: tuple[Constraint, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, kind in (("system", System), ("horizon", Free | Fixed), ("minimise", Bolza)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"Problem: {name} is {getattr(self, name)!r}, expected {kind}")
+        constraints = (self.subject_to,) if isinstance(self.subject_to, Constraint) else tuple(self.subject_to)
+        for constraint in constraints:
+            if not isinstance(constraint, Constraint):
+                raise TypeError(f"Problem: subject_to has {constraint!r}, expected start(...), end(...) or along(...)")
+            self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
+        object.__setattr__(self, "subject_to", constraints)
+        self.system.check_symbols("Bolza: running", self.minimise.running)
+        self.system.check_symbols("Bolza: final", self.minimise.final)
+        if ca.depends_on(self.minimise.final, self.system.u):
+            raise ValueError("Bolza: final depends on the control, which has no value at one instant; use running")
+
+    def labels(self, constraint: Constraint) -> tuple[Label, ...]:
+        """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
+        system, size = self.system, constraint.expression.numel()
+        named = {"x": system.x, "u": system.u, **dict(system.signals)}
+        for name, signal in reversed(named.items()):
+            if signal.shape == constraint.expression.shape and ca.is_equal(signal, constraint.expression, 2):
+                return system.label(name, size)
+        return system.label("expression", size)
+
+    def limits(self, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lower and upper limits that simple components of constraints put on symbols.
+
+        Args:
+            where: START, END or ALONG.
+            symbols: (m,) a column of symbols of the system.
+
+        Returns:
+            lower, upper: (m,), infinite where nothing is said; lower > upper where constraints contradict each other.
+        """
+        low, high = np.full(symbols.numel(), -np.inf), np.full(symbols.numel(), np.inf)
+        for constraint in self.subject_to:
+            if constraint.where is where:
+                for place, c in simple(constraint, symbols):
+                    low[place] = max(low[place], constraint.lower[c])
+                    high[place] = min(high[place], constraint.upper[c])
+        return low, high
+
+
+def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
+    """Return (place in symbols, component) for the components of a constraint that are one symbol each."""
+    place = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
+    return [
+        (place[component.element_hash()], c)
+        for c, component in enumerate(ca.vertsplit(constraint.expression))
+        if component.is_symbolic() and component.element_hash() in place
+    ]
+
+
+def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit) -> Constraint:
+    name = where.value
+    if not isinstance(expression, ca.SX):
+        raise TypeError(f"{name}: got {expression!r}, expected an expression such as system['q']")
+    column = ca.densify(ca.vec(expression))
+    size = column.numel()
+    low, high = _limit(name, "lower", lower, -np.inf, size), _limit(name, "upper", upper, np.inf, size)
+    if np.any(low > high):
+        bad = np.flatnonzero(low > high).tolist()
+        raise ValueError(
+            f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for {expression}"
+        )
+    if np.any(low == np.inf) or np.any(high == -np.inf):
+        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {expression}")
+    return Constraint(where, column, low, high)
+
+
+def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np.ndarray:
+    try:
+        array = np.array(missing if value is None else value, dtype=float).ravel()
+    except (TypeError, ValueError):
+        raise ValueError(f"{where}: {side} is {value!r}, expected numbers") from None
+    if array.size not in (1, size):
+        raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
+    if np.any(np.isnan(array)):
+        raise ValueError(f"{where}: {side} is NaN in components {np.flatnonzero(np.isnan(array)).tolist()}")
+    return np.broadcast_to(array, (size,)).copy()
+
+
+def _positive(name: str, value: float) -> None:
+    if isinstance(value, bool | str) or not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
+        raise ValueError(f"{name} is {value!r}, expected a number of seconds > 0")

@@ -1,0 +1,155 @@
+"""The answer of a solve, whatever happened: status, motion as interpolants of the scheme, costates, timings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import casadi as ca
+import numpy as np
+
+from ocp.collocation import Scheme
+from ocp.grid import Grid
+from ocp.problem import Problem
+
+Array = np.ndarray
+# Times outside the motion by less than this share of the duration are rounding.
+OUTSIDE = 1e-9
+
+
+class Status(Enum):
+    """How a solve ended; the value is the sentence shown to the user."""
+
+    SOLVED = "solved to the requested tolerance"
+    ACCEPTABLE = "solved to a looser tolerance only; tighten or rescale before trusting the last digits"
+    INFEASIBLE = "no motion found that meets all constraints"
+    LIMIT = "stopped at the limit of iterations or time; the last iterate is kept"
+    STOPPED = "stopped by the user; the last iterate is kept"
+    FAILED = "the solver failed; the last iterate is kept"
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Wall-clock seconds of one solve."""
+
+    setup: float  # transcription, derivatives of the graph, construction of the solver
+    derivatives: float  # evaluation of cost, constraints and their derivatives
+    solver: float  # the rest of the solve: linear algebra and line search
+    total: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A motion and how it was found; x(t), u(t) and costate(t) are the interpolants of the scheme.
+
+    Costates are the gradient of the optimal cost with respect to the state, lambda = dJ/dx, so that the Hamiltonian
+    lambda . f + running is minus the weight of time on an optimal motion of free duration (-1 for minimum time).
+    """
+
+    status: Status
+    message: str  # in words; IPOPT's own status is in `solver_status`
+    solver_status: str  # verbatim
+    duration: float  # [s]
+    cost: float
+    states: Array  # (N, m, nx) at the nodes of the scheme on every element
+    controls: Array  # (N, c, nu) control unknowns of every element
+    costates: Array  # (N, d, nx) at the collocation points
+    free: Mapping[str, float]  # values of the parameters that were unknowns
+    values: Mapping[str, float]  # value of every parameter in this motion
+    timings: Timings
+    iterations: int
+    grid: Grid
+    scheme: Scheme
+    problem: Problem | None  # None if loaded from a file without it
+    log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
+
+    @property
+    def ok(self) -> bool:
+        """Whether the solver met its tolerance."""
+        return self.status is Status.SOLVED
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.status.name.lower()}, duration {self.duration:.9g} s, cost {self.cost:.9g}, "
+            f"{self.iterations} iterations, {self.timings.total:.3g} s, {self.scheme!r}, {self.grid!r})"
+        )
+
+    @property
+    def nodes(self) -> Array:
+        """(N + 1,) times of the ends of the elements [s]."""
+        return self.duration * self.grid.ends
+
+    @property
+    def collocation_times(self) -> Array:
+        """(N, d) times of the collocation points [s]."""
+        return self.duration * (self.grid.ends[:-1, None] + self.grid.widths[:, None] * self.scheme.points)
+
+    @property
+    def t(self) -> Array:
+        """Times of all ends of elements and collocation points, increasing [s]."""
+        return np.unique(np.concatenate([self.nodes, self.collocation_times.ravel()]))
+
+    def x(self, t: Array | float) -> Array:
+        """Return the state at times t [s] within the motion, shape (len(t), nx), or (nx,) for a scalar."""
+        return self._evaluate(t, self.states, self.scheme.state_at)
+
+    def rate(self, t: Array | float) -> Array:
+        """Return dx/dt of the interpolant at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
+        widths = self.duration * self.grid.widths
+        return self._evaluate(t, self.states / widths[:, None, None], self.scheme.slope_at)
+
+    def u(self, t: Array | float) -> Array:
+        """Return the control at times t [s], from the right where it jumps, shape (len(t), nu) or (nu,)."""
+        return self._evaluate(t, self.controls, self.scheme.control_at)
+
+    def costate(self, t: Array | float) -> Array:
+        """Return lambda = dJ/dx at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
+        return self._evaluate(t, self.costates, self.scheme.costate_at)
+
+    def signal(self, signal: str | ca.SX, t: Array | float) -> Array:
+        """Return a signal of the system, or an expression in x, u, p, at times t.
+
+        Args:
+            signal: name of a signal ("q", "tau", ...; also "x", "u"), or an expression (m,).
+            t: times [s] within the motion, (K,) or scalar.
+
+        Returns:
+            (K, m), or (m,) for a scalar.
+
+        Raises:
+            ValueError: the solution was loaded without its problem, or t lies outside the motion.
+            KeyError: no such signal.
+        """
+        if isinstance(signal, str) and signal in ("x", "u"):
+            return self.x(t) if signal == "x" else self.u(t)
+        if self.problem is None:
+            raise ValueError("signal: this solution was loaded without its model; use load(path, problem=...)")
+        system = self.problem.system
+        expression = system[signal] if isinstance(signal, str) else signal
+        system.check_symbols("signal", expression)
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
+        parameters = np.array([self.values[name] for name in system.nominal])[:, None]
+        found = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
+        result = np.array(found).T
+        return result if np.ndim(t) else result[0]
+
+    def locate(self, t: Array) -> tuple[Array, Array]:
+        """Return the element of each time and the place tau in [0, 1] on it.
+
+        Raises:
+            ValueError: a time is not a number within the motion.
+        """
+        slack = OUTSIDE * self.duration
+        if not np.all((t >= -slack) & (t <= self.duration + slack)):
+            raise ValueError(f"t: got {t.min()} .. {t.max()} s, the motion lasts from 0 to {self.duration} s")
+        share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
+        element = self.grid.locate(share)
+        return element, (share - self.grid.ends[element]) / self.grid.widths[element]
+
+    def _evaluate(self, t: Array | float, values: Array, matrix_at) -> Array:  # type: ignore[no-untyped-def]
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        element, tau = self.locate(times)
+        result = np.einsum("km,kma->ka", matrix_at(tau), values[element])
+        return result if np.ndim(t) else result[0]
