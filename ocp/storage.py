@@ -1,0 +1,130 @@
+"""A solution in one open file (NPZ: arrays and a JSON text), readable without the model."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from ocp.collocation import Control, Scheme, legendre, radau
+from ocp.grid import Grid
+from ocp.problem import Problem
+from ocp.solution import Solution, Status, Timings
+
+FORMAT = "hamel-solution"
+VERSION = 1
+SCHEMES = {"radau": radau, "legendre": legendre}
+ARRAYS = ("states", "controls", "costates", "ends")
+
+
+def save(solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write a solution to one NPZ file; an existing file is replaced only when the new one is complete.
+
+    Arrays `states` (N, m, nx), `controls` (N, c, nu), `costates` (N, d, nx), `ends` (N + 1,), and `about`, a JSON
+    text with everything else. No pickle: any NPZ reader opens it.
+
+    Args:
+        solution: of any status.
+        path: of the file; the suffix is kept as given.
+
+    Raises:
+        OSError: the file cannot be written; what was there before is untouched.
+    """
+    system = solution.problem.system if solution.problem is not None else None
+    nx, nu = solution.states.shape[2], solution.controls.shape[2]
+    about = {
+        "format": FORMAT,
+        "version": VERSION,
+        "status": solution.status.name,
+        "message": solution.message,
+        "solver_status": solution.solver_status,
+        "duration": solution.duration,
+        "cost": solution.cost,
+        "free": dict(solution.free),
+        "values": dict(solution.values),
+        "timings": asdict(solution.timings),
+        "iterations": solution.iterations,
+        "scheme": {
+            "name": solution.scheme.name,
+            "degree": solution.scheme.degree,
+            "control": solution.scheme.control.value,
+        },
+        "x": [str(label) for label in system.label("x", nx)] if system else [],
+        "u": [str(label) for label in system.label("u", nu)] if system else [],
+        "log": {name: list(column) for name, column in solution.log.items()},
+    }
+    target = Path(path)
+    handle, name = tempfile.mkstemp(dir=target.parent or Path("."), prefix=target.name, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(
+                file,
+                states=solution.states,
+                controls=solution.controls,
+                costates=solution.costates,
+                ends=solution.grid.ends,
+                about=np.array(json.dumps(about)),
+            )
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Solution:
+    """Read a solution that `save` wrote; nothing in the file is executed.
+
+    Args:
+        path: of the file.
+        problem: the problem it solves, so that signals by name and `verify` work; x(t), u(t), costate(t) and the use
+            as a guess need none.
+
+    Raises:
+        OSError: no such file.
+        ValueError: no solution file, a damaged one, or one of a newer version.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
+    except (KeyError, ValueError, zipfile.BadZipFile, EOFError, TypeError) as error:
+        raise ValueError(f"{path}: no readable solution file ({error})") from None
+    if about.get("format") != FORMAT or not isinstance(about.get("version"), int) or about["version"] > VERSION:
+        raise ValueError(
+            f"{path}: format {about.get('format')!r} version {about.get('version')!r}, "
+            f"expected {FORMAT!r} up to version {VERSION}"
+        )
+    try:
+        scheme = _scheme(about["scheme"])
+        grid = Grid(arrays["ends"])
+        _check_shapes(arrays, scheme, grid)
+        return Solution(
+            Status[about["status"]], about["message"], about["solver_status"], about["duration"], about["cost"],
+            arrays["states"], arrays["controls"], arrays["costates"], about["free"], about["values"],
+            Timings(**about["timings"]), about["iterations"], grid, scheme, problem, about["log"],
+        )  # fmt: skip
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{path}: the solution file is incomplete ({error!r})") from None
+
+
+def _scheme(about: dict[str, object]) -> Scheme:
+    name = about["name"]
+    if name not in SCHEMES:
+        raise ValueError(f"scheme {name!r} is unknown; known are {', '.join(SCHEMES)}")
+    return SCHEMES[str(name)](int(str(about["degree"])), Control(about["control"]))
+
+
+def _check_shapes(arrays: dict[str, np.ndarray], scheme: Scheme, grid: Grid) -> None:
+    expected = {
+        "states": (len(grid), len(scheme.nodes)),
+        "controls": (len(grid), len(scheme.control_nodes)),
+        "costates": (len(grid), scheme.degree),
+    }
+    for name, shape in expected.items():
+        if arrays[name].ndim != 3 or arrays[name].shape[:2] != shape:
+            raise ValueError(f"array {name} has shape {arrays[name].shape}, expected {(*shape, '...')}")

@@ -1,0 +1,211 @@
+"""Verification of a solution; shares no code with the transcription."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from ocp.problem import Free, Problem, Where
+from ocp.simulation import simulate
+from ocp.solution import Solution
+
+Array = np.ndarray
+SAMPLES = 24  # places on each element at which limits are checked
+TIGHT = 1e-12  # tolerance of the re-integration
+
+
+class Figure(float):
+    """A number with its unit, what it is relative to, and where it was found."""
+
+    unit: str
+    scale: str
+    what: str
+    at: float
+
+    def __new__(cls, value: float, unit: str, scale: str, what: str = "", at: float = float("nan")) -> Figure:
+        """Return the number with its description."""
+        figure = super().__new__(cls, value)
+        figure.unit, figure.scale, figure.what, figure.at = unit, scale, what, at
+        return figure
+
+    def __str__(self) -> str:
+        where = f" ({self.what}{f' at {self.at:.4g} s' if np.isfinite(self.at) else ''})" if self.what else ""
+        return f"{float(self):.2e} {self.unit} of {self.scale}{where}"
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What an independent look at a solution found; every figure is zero for a perfect one, NaN if undefined."""
+
+    status: str  # of the solver
+    drift: Figure  # largest distance of the re-integrated motion from the solution, all times
+    drift_end: Figure  # the same at the end
+    violation: Figure  # largest excess over a limit, between nodes included
+    hamiltonian: Figure  # largest deviation of the Hamiltonian from its constant value
+    hamiltonian_value: float  # its mean; minus the weight of time for a free duration [cost/s]
+    switching: Figure  # cost that the controls leave on the table to first order: integral of H(u) - min H
+    energy: Figure  # work of the drives minus losses minus change of energy
+    excess: tuple[Figure, ...]  # violation of every limited component in its own unit
+
+    @cached_property
+    def failures(self) -> tuple[str, ...]:
+        """Sentences on what is not verified; empty for a verified solution."""
+        found = [] if self.status == "SOLVED" else [f"the solver ended with {self.status}"]
+        checks = (
+            ("the re-integrated motion drifts away by", self.drift, 1e-6),
+            ("a limit is exceeded by", self.violation, 2e-3),
+            ("the energy balance is open by", self.energy, 1e-6),
+            ("the switching functions leave a gain of", self.switching, 2e-2),
+        )
+        for words, figure, allowed in checks:
+            if figure > allowed or (np.isnan(figure) and figure.what != "undefined"):
+                found.append(f"{words} {figure}, allowed are {allowed:g}")
+        return tuple(found)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the solution is verified."""
+        return not self.failures
+
+    def __str__(self) -> str:
+        names = ("drift", "drift_end", "violation", "hamiltonian", "switching", "energy")
+        lines = [f"{name:12s} {getattr(self, name)}" for name in names]
+        lines.insert(4, f"{'H':12s} {self.hamiltonian_value:.6g} (mean)")
+        return "\n".join([*lines, "verified" if self.ok else "not verified: " + "; ".join(self.failures)])
+
+
+def verify(solution: Solution, problem: Problem | None = None) -> Report:
+    """Check a solution by means that the solve did not use.
+
+    drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
+    x(t). violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation
+    points. switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls
+    limited one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
+
+    Args:
+        solution: of any status.
+        problem: needed only for a solution loaded without it.
+
+    Raises:
+        ValueError: no problem.
+
+    Source: the Hamiltonian of an autonomous problem is constant (Pontryagin et al., The Mathematical Theory of
+        Optimal Processes); the gap bounds the first-order gain of the cost.
+    """
+    problem = problem or solution.problem
+    if problem is None:
+        raise ValueError("verify: this solution was loaded without its model; pass problem=...")
+    span = np.max(np.abs(solution.states), axis=(0, 1))
+    scale = np.where(span > 0.0, span, 1.0)
+    drift, end, energy = _reintegrate(solution, problem, scale)
+    excess = _excess(solution, problem)
+    relative = max(excess, key=lambda pair: pair[0], default=(0.0, None))
+    worst = relative[1]
+    violation = Figure(relative[0], "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan)
+    hamiltonian, mean, switching = _pontryagin(solution, problem)
+    figures = tuple(figure for _, figure in excess)
+    return Report(solution.status.name, drift, end, violation, hamiltonian, mean, switching, energy, figures)
+
+
+def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Figure, Figure, Figure]:
+    system = problem.system
+    balance = [system.signals[name] for name in ("energy", "power") if name in system.signals]
+    rate, x = system.rate, system.x
+    work = ca.SX.sym("work")
+    if len(balance) == 2:
+        supplied = balance[1] - system.signals.get("loss", ca.SX(0))
+        x, rate = ca.vertcat(x, work), ca.vertcat(rate, ca.sum1(supplied))
+    augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal)
+    x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
+    atol = TIGHT * np.append(scale, np.ones(len(x0) - len(scale)))
+    nodes = solution.nodes
+    unit, words = "share", "the largest value of each state"
+    if solution.duration <= 0.0 or not np.all(np.isfinite(solution.states)):
+        nothing = Figure(0.0 if solution.duration == 0.0 else np.nan, unit, words)
+        return nothing, nothing, nothing
+    moved = simulate(augmented, x0, solution, nodes, rtol=TIGHT, atol=atol)
+    distance = np.abs(moved.x[:, : len(scale)] - solution.x(nodes)) / scale
+    distance[np.isnan(distance)] = np.inf
+    k, i = np.unravel_index(np.argmax(distance), distance.shape)
+    labels = [label.name for label in system.label("x", len(scale))]
+    drift = Figure(distance[k, i], unit, words, labels[i], nodes[k])
+    last = int(np.argmax(distance[-1]))
+    end = Figure(distance[-1, last], unit, words, labels[last], nodes[-1])
+    if len(balance) < 2:
+        return drift, end, Figure(np.nan, "share", "the energy turned over", "undefined")
+    level = ca.Function("level", [system.x, system.p], [balance[0]])
+    p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
+    levels = np.array([float(level(xk, p)) for xk in moved.x[:, : len(scale)]])
+    open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
+    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-300)
+    return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
+
+
+def _excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
+    """Return for every limited component (excess relative to its range, excess in its unit)."""
+    found = []
+    tau = np.linspace(0.0, 1.0, SAMPLES)
+    dense = (solution.grid.ends[:-1, None] + solution.grid.widths[:, None] * tau).ravel() * solution.duration
+    # From both sides of an end of an element, since the control may jump there.
+    x = np.einsum("sm,kma->ksa", solution.scheme.state_at(tau), solution.states).reshape(len(dense), -1)
+    u = np.einsum("sm,kma->ksa", solution.scheme.control_at(tau), solution.controls).reshape(len(dense), -1)
+    system = problem.system
+    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    for constraint in problem.subject_to:
+        function = ca.Function("limit", [system.x, system.u, system.p], [constraint.expression])
+        rows = {Where.START: slice(0, 1), Where.END: slice(-1, None), Where.ALONG: slice(None)}[constraint.where]
+        motion = np.array(function.map(len(dense))(x.T, u.T, np.tile(p[:, None], len(dense))))
+        values = motion[:, rows]
+        beyond = np.maximum(constraint.lower[:, None] - values, values - constraint.upper[:, None])
+        for c, label in enumerate(problem.labels(constraint)):
+            place = int(np.argmax(beyond[c]))
+            amount = max(float(beyond[c, place]), 0.0)
+            sides = np.array([constraint.lower[c], constraint.upper[c]])
+            reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
+            size = reach or float(np.max(np.abs(motion[c]))) or 1.0
+            figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
+            found.append((amount / size, figure))
+    return found
+
+
+def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure]:
+    """Return the deviation of the Hamiltonian, its mean, and the gap left by the controls."""
+    system = problem.system
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
+    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
+    slope = ca.densify(ca.gradient(hamiltonian, system.u))
+    function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms])
+    times = solution.collocation_times
+    points = solution.scheme.points
+    x = np.einsum("jm,kma->kja", solution.scheme.state_at(points), solution.states).reshape(times.size, -1)
+    u = np.einsum("jm,kma->kja", solution.scheme.control_at(points), solution.controls).reshape(times.size, -1)
+    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    found = function.map(times.size)(
+        x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
+    )
+    values, slopes, sizes = (np.array(part) for part in found)
+    weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
+    total = max(weights.sum(), 1e-300)
+    mean = float(weights @ values[0] / total)
+    size = max(abs(problem.minimise.time), float(weights @ sizes[0] / total), 1e-300)
+    target = -problem.minimise.time if isinstance(problem.horizon, Free) else mean
+    far = np.abs(values[0] - target)
+    place = int(np.argmax(far))
+    deviation = Figure(far[place] / size, "share", "the mean size of its terms", "H", times.ravel()[place])
+    low, high = problem.limits(Where.ALONG, system.u)
+    coupled = any(
+        ca.depends_on(c.expression, system.u) and not all(component.is_symbolic() for component in ca.vertsplit(c.expression))
+        for c in problem.subject_to
+    )
+    if coupled:
+        return deviation, mean, Figure(np.nan, "share", "the cost", "undefined")
+    reach = np.max(np.abs(u), axis=0, initial=0.0)
+    best = np.where(slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach))
+    gap = np.sum(np.maximum(slopes.T * (u - best), 0.0), axis=1)
+    cost = max(abs(solution.cost), 1e-300)
+    where = times.ravel()[int(np.argmax(gap))] if gap.size else np.nan
+    return deviation, mean, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)
