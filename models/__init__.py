@@ -4,7 +4,7 @@ from models.cylinder import cylindrical
 from models.manipulator import Manipulator
 from models.parameters import Parameter
 from models.sphere import spherical
-from models.torques import inverse_dynamics
 from models.toroid import torus
+from models.torques import inverse_dynamics, recover
 
-__all__ = ["Manipulator", "Parameter", "cylindrical", "inverse_dynamics", "spherical", "torus"]
+__all__ = ["Manipulator", "Parameter", "cylindrical", "inverse_dynamics", "recover", "spherical", "torus"]

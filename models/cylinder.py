@@ -46,9 +46,7 @@ def cylindrical(
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, section 3.
     """
-    numbers = dict(
-        A=A, m_2=m_2, m_3=m_3, Theta_1_33=Theta_1_33, Theta_2_33=Theta_2_33, Theta_3_33=Theta_3_33, l_T=l_T
-    )
+    numbers = dict(A=A, m_2=m_2, m_3=m_3, Theta_1_33=Theta_1_33, Theta_2_33=Theta_2_33, Theta_3_33=Theta_3_33, l_T=l_T)
     p = read(numbers, unit_of)
     if physical:
         for name in ("m_2", "m_3"):
@@ -65,7 +63,9 @@ def cylindrical(
 
     matrix, inverse = ca.SX.eye(3), ca.SX.eye(3)
     matrix[2, 0], inverse[2, 0] = offset, -offset
-    regular = Frame("regular", q, ca.sparsify(matrix), ca.sparsify(inverse), ca.diag(ca.vertcat(theta_bar, m2 + m3, m3)))
+    regular = Frame(
+        "regular", q, ca.sparsify(matrix), ca.sparsify(inverse), ca.diag(ca.vertcat(theta_bar, m2 + m3, m3))
+    )
     metric = regular.matrix.T @ regular.metric @ regular.matrix
 
     def paper(added: ca.SX) -> Frame:
@@ -105,6 +105,7 @@ def cylindrical(
             Body("arm", m3, arm, turned, about_axis(p["Theta_3_33"])),
         ),
         tool=arm + p["l_T"] * along,
+        skeleton=ca.horzcat(ca.SX(3, 1), lift, offset * across + lift, arm + p["l_T"] * along),
         drives=(Drive("M_phi", 1), Drive("K_xi", 1), Drive("K_r", 1)),
         frames={"paper": paper, "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},
         nominal=p.nominal,

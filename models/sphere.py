@@ -129,6 +129,7 @@ def spherical(
             ),
         ),
         tool=(r + p["l_T"]) * direction,
+        skeleton=ca.horzcat(ca.SX(3, 1), s2 * direction, r * direction, (r + p["l_T"]) * direction),
         drives=(Drive("M_theta", -1), Drive("M_psi", 1), Drive("M_phi", 1), Drive("K_r", 1)),
         frames={"paper": fixed(paper), "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},
         nominal=p.nominal,

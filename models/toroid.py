@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 
 from models.cylinder import about_axis
@@ -110,6 +112,7 @@ def torus(
             Body("link 3", m3, end, third, _tensor(p, 3)),
         ),
         tool=end + p["l_T"] * third[:, 0],
+        skeleton=ca.horzcat(ca.SX(3, 1), shoulder, elbow, end + p["l_T"] * third[:, 0]),
         drives=(Drive("M_1", 1), Drive("M_2", -1), Drive("M_3", -1)),
         frames=frames,
         nominal=p.nominal,
@@ -117,7 +120,7 @@ def torus(
     )
 
 
-def _metric_and_frames(p: Parameters, q: ca.SX):  # type: ignore[no-untyped-def]
+def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callable[[ca.SX], Frame]]]:
     m2, m3, length2, length3, offset = p["m_2"], p["m_3"], p["L_2"], p["L_3"], p["B"]
     alpha, beta, c3 = q[1], q[1] + q[2], ca.cos(q[2])
     inertia2 = p["Theta_2_22"] + m2 * length2**2 / 4 + m3 * length2**2

@@ -9,6 +9,7 @@ import casadi as ca
 from models.manipulator import Manipulator
 from models.mechanics import assemble
 from models.terms import Effect
+from ocp.system import System
 
 
 def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
@@ -48,3 +49,29 @@ def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca
     p = ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
     names_in, names_out = ["q", "v", "a", "p"], ["tau"]
     return ca.Function("inverse_dynamics", [q, v, a, p], [ca.cse(ca.densify(tau))], names_in, names_out)
+
+
+def recover(system: System, machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
+    """Return position, velocity, acceleration and drive torques of a motion given as states of any form.
+
+    v = v(x),  a = (dv/dx) x',  tau = inverse dynamics of (q, v, a): the equations of the form are not used.
+
+    Args:
+        system: a form of the machine with these effects.
+        machine: the machine itself.
+        effects: the same effects.
+
+    Returns:
+        Function (x, rate, p) -> (q, v, a, tau), rate = dx/dt along the motion; q, v, a, tau of shape (n,).
+
+    Raises:
+        TypeError, ValueError: as `inverse_dynamics`.
+    """
+    torques = inverse_dynamics(machine, effects)
+    rate = ca.SX.sym("rate", system.x.numel())
+    q, v = system["q"], system["v"]
+    a = ca.jtimes(v, system.x, rate)
+    inputs, outputs = [system.x, rate, system.p], [q, v, a, torques(q, v, a, system.p)]
+    return ca.Function(
+        "recover", inputs, ca.cse([ca.densify(o) for o in outputs]), ["x", "rate", "p"], ["q", "v", "a", "tau"]
+    )

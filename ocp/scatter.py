@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -20,7 +21,7 @@ class Triplets:
     sources: Array
 
     @classmethod
-    def gather(cls, parts: list[tuple[Array, Array, float | Array, Array]]) -> Triplets:
+    def gather(cls, parts: Sequence[tuple[Array, Array | int, float, Array]]) -> Triplets:
         """Concatenate (rows, columns, coefficient, sources) parts; each is broadcast within its part."""
         if not parts:
             empty = np.zeros(0, dtype=np.int64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -72,7 +73,9 @@ def simulate(
     start = np.array(x0, dtype=float).ravel()
     if len(start) != system.x.numel() or not np.all(np.isfinite(start)):
         raise ValueError(f"x0: got {start.tolist()}, expected {system.x.numel()} finite numbers")
-    reported = np.linspace(0.0, float(times), 101) if np.ndim(times) == 0 else np.array(times, dtype=float)
+    reported = np.array(times, dtype=float)
+    if reported.ndim == 0:
+        reported = np.linspace(0.0, float(reported), 101)
     if len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
         raise ValueError("times: expected increasing times >= 0 s")
     if not (rtol > 0.0 and np.all(np.asarray(atol) > 0.0)):
@@ -129,7 +132,7 @@ def _pieces(
         raise ValueError(f"control: the function returns {np.size(function(0.0))} numbers, expected {nu}")
     inner = sorted({float(b) for b in breaks if 0.0 < b < end})
     marks = [0.0, *inner, end]
-    for a, b in zip(marks[:-1], marks[1:], strict=True):
+    for a, b in pairwise(marks):
         yield a, b, _inside(function, a, b) if inner else function
 
 
@@ -158,8 +161,8 @@ class _BufferedRate:
         self._buffer, self._call = self._function.buffer()
         for i, array in enumerate(self._memory):
             if array.size:
-                self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
+                self._buffer.set_arg(i, memoryview(array))  # type: ignore[arg-type,call-arg]
+        self._buffer.set_res(0, memoryview(self._out))  # type: ignore[arg-type,call-arg]
 
     def follow(self, u: ControlOf) -> None:
         """Use another control from now on."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -78,12 +78,13 @@ class Solution:
     @property
     def nodes(self) -> Array:
         """(N + 1,) times of the ends of the elements [s]."""
-        return self.duration * self.grid.ends
+        return np.asarray(self.duration * self.grid.ends)
 
     @property
     def collocation_times(self) -> Array:
         """(N, d) times of the collocation points [s]."""
-        return self.duration * (self.grid.ends[:-1, None] + self.grid.widths[:, None] * self.scheme.points)
+        shares: Array = self.grid.ends[:-1, None] + self.grid.widths[:, None] * self.scheme.points
+        return np.multiply(self.duration, shares)
 
     @property
     def t(self) -> Array:
@@ -135,6 +136,22 @@ class Solution:
         result = np.array(found).T
         return result if np.ndim(t) else result[0]
 
+    def samples(self, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the motion at places tau of every element, each seen from inside its own element.
+
+        Args:
+            tau: (s,) places in [0, 1]; at 0 and 1 the values are those of the element, before any jump.
+
+        Returns:
+            t (N s,), x (N s, nx), dx/dt (N s, nx), u (N s, nu).
+        """
+        widths = self.duration * self.grid.widths
+        t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
+        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.states)
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.states / widths[:, None, None])
+        u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
+        return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
+
     def locate(self, t: Array) -> tuple[Array, Array]:
         """Return the element of each time and the place tau in [0, 1] on it.
 
@@ -148,8 +165,8 @@ class Solution:
         element = self.grid.locate(share)
         return element, (share - self.grid.ends[element]) / self.grid.widths[element]
 
-    def _evaluate(self, t: Array | float, values: Array, matrix_at) -> Array:  # type: ignore[no-untyped-def]
+    def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
         times = np.atleast_1d(np.asarray(t, dtype=float))
         element, tau = self.locate(times)
-        result = np.einsum("km,kma->ka", matrix_at(tau), values[element])
+        result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]

@@ -13,8 +13,8 @@ import numpy as np
 from ocp.collocation import Scheme, radau
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, straight_line
-from ocp.problem import Fixed, Free, Problem, Where, simple
-from ocp.scaling import Scaling, from_limits, unscaled
+from ocp.problem import Fixed, Free, Problem, Where
+from ocp.scaling import from_limits, unscaled
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import Programme, free_parameters, transcribe
 
@@ -325,8 +325,7 @@ def unpack(
         duration = float(z[layout.horizon[0]] * scaling.horizon)
     names = list(problem.system.nominal)
     free = {
-        names[number]: float(value)
-        for number, value in zip(programme.free, z[layout.free] * scaling.free, strict=True)
+        names[number]: float(value) for number, value in zip(programme.free, z[layout.free] * scaling.free, strict=True)
     }
     # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
     mu = multipliers[programme.defects] if len(multipliers) else np.zeros(programme.defects.shape)

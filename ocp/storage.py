@@ -59,7 +59,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "log": {name: list(column) for name, column in solution.log.items()},
     }
     target = Path(path)
-    handle, name = tempfile.mkstemp(dir=target.parent or Path("."), prefix=target.name, suffix=".part")
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=target.name, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
             np.savez_compressed(
@@ -70,7 +70,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
                 ends=solution.grid.ends,
                 about=np.array(json.dumps(about)),
             )
-        os.replace(name, target)
+        Path(name).replace(target)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise

@@ -28,8 +28,8 @@ def point_to_point(
         q0, q1: (n,) positions, units of the signal "q".
         minimise: a Bolza cost, or "time" for the duration.
         horizon: Free (default, guess 1 s) or Fixed.
-        limits: signal name = limit along the motion: a pair (lower, upper) of scalars or (n,) arrays, or one
-            positive magnitude, scalar or (n,), for both sides; as in tau=[400, 250], q=(q_min, q_max), v=2.0.
+        limits: signal name = limit along the motion: a pair (lower, upper) as a tuple of scalars or (n,) arrays, or
+            magnitudes >= 0 for both sides, scalar or (n,); as in tau=[400, 250], q=(q_min, q_max), v=2.0.
 
     Raises:
         KeyError: a limit on a signal that the system does not have.
@@ -45,14 +45,9 @@ def point_to_point(
 
 
 def _sides(name: str, limit: Limit | tuple[Limit, Limit]) -> tuple[Limit, Limit]:
-    if isinstance(limit, tuple):
-        if len(limit) != 2:
-            raise ValueError(
-                f"point_to_point: {name} has a tuple of {len(limit)}, expected (lower, upper); "
-                "give magnitudes as a list or an array"
-            )
+    if isinstance(limit, tuple) and len(limit) == 2:
         return limit  # type: ignore[return-value]
     size = np.asarray(limit, dtype=float)
     if np.any(size < 0.0) or np.any(np.isnan(size)):
-        raise ValueError(f"point_to_point: {name} = {limit}, expected magnitudes >= 0 or a pair (lower, upper)")
+        raise ValueError(f"point_to_point: {name} = {limit}, expected magnitudes >= 0 or a tuple (lower, upper)")
     return -size, size

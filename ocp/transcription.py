@@ -81,7 +81,11 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
     # Symbols of one point, in scaled unknowns.
     xs, us = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
     duration_s, free_s = ca.SX.sym("T", layout.horizon.size), ca.SX.sym("free", len(free))
-    p, fixed_duration, width = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T_fixed", int(fixed_horizon)), ca.SX.sym("h")
+    p, fixed_duration, width = (
+        ca.SX.sym("p", system.p.numel()),
+        ca.SX.sym("T_fixed", int(fixed_horizon)),
+        ca.SX.sym("h"),
+    )
     shared = ca.vertcat(duration_s, free_s)
     duration = fixed_duration if fixed_horizon else duration_s * scaling.horizon
     parameters = ca.SX(p)
@@ -103,13 +107,9 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
     first = ca.SX.sym("first", nx + nu)
     last = ca.SX.sym("last", nx + nu)
     sides = {Where.START: first, Where.END: last}
-    at_ends = [
-        physical(problem.subject_to[i].expression[c], sides[w][:nx], sides[w][nx:]) for i, c, w in ends_parts
-    ]
+    at_ends = [physical(problem.subject_to[i].expression[c], sides[w][:nx], sides[w][nx:]) for i, c, w in ends_parts]
     final = physical(problem.minimise.final, last[:nx], last[nx:]) + problem.minimise.time * duration
-    ends = _Local(
-        ca.densify(ca.vertcat(*at_ends, final)), ca.vertcat(first, last, shared), [p, fixed_duration], 1
-    )
+    ends = _Local(ca.densify(ca.vertcat(*at_ends, final)), ca.vertcat(first, last, shared), [p, fixed_duration], 1)
 
     rows_d = np.arange(n * len(scheme.rate) * nx).reshape(n, len(scheme.rate), nx)
     rows_p = rows_d.size + np.arange(n * d * len(path_parts)).reshape(n, d, len(path_parts))
@@ -352,11 +352,13 @@ class _Assembly:
         return scatter(kept, Triplets.gather([]), sources, (self.layout.size, self.layout.size))
 
 
-def _products(one: list[Entry], other: list[Entry], same: bool, source: Array) -> list[tuple[Array, Array, float, Array]]:
+def _products(
+    one: list[Entry], other: list[Entry], same: bool, source: Array
+) -> list[tuple[Array, Array, float, Array]]:
     """Return the entries of a symmetric product of two linear combinations of unknowns."""
     parts = [(a, b, ca_ * cb, source) for a, ca_ in one for b, cb in other]
     return parts if same else parts + [(b, a, coefficient, source) for a, b, coefficient, source in parts]
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+    return ca.SX(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)

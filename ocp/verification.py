@@ -104,7 +104,9 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     excess = _excess(solution, problem)
     relative = max(excess, key=lambda pair: pair[0], default=(0.0, None))
     worst = relative[1]
-    violation = Figure(relative[0], "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan)
+    violation = Figure(
+        relative[0], "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan
+    )
     hamiltonian, mean, switching = _pontryagin(solution, problem)
     figures = tuple(figure for _, figure in excess)
     return Report(solution.status.name, drift, end, violation, hamiltonian, mean, switching, energy, figures)
@@ -147,11 +149,8 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
 def _excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
     """Return for every limited component (excess relative to its range, excess in its unit)."""
     found = []
-    tau = np.linspace(0.0, 1.0, SAMPLES)
-    dense = (solution.grid.ends[:-1, None] + solution.grid.widths[:, None] * tau).ravel() * solution.duration
-    # From both sides of an end of an element, since the control may jump there.
-    x = np.einsum("sm,kma->ksa", solution.scheme.state_at(tau), solution.states).reshape(len(dense), -1)
-    u = np.einsum("sm,kma->ksa", solution.scheme.control_at(tau), solution.controls).reshape(len(dense), -1)
+    # Both ends of every element are among the places, since the control may jump there.
+    dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     for constraint in problem.subject_to:
@@ -179,10 +178,7 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
     slope = ca.densify(ca.gradient(hamiltonian, system.u))
     function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms])
-    times = solution.collocation_times
-    points = solution.scheme.points
-    x = np.einsum("jm,kma->kja", solution.scheme.state_at(points), solution.states).reshape(times.size, -1)
-    u = np.einsum("jm,kma->kja", solution.scheme.control_at(points), solution.controls).reshape(times.size, -1)
+    times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     found = function.map(times.size)(
         x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
@@ -195,17 +191,20 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     target = -problem.minimise.time if isinstance(problem.horizon, Free) else mean
     far = np.abs(values[0] - target)
     place = int(np.argmax(far))
-    deviation = Figure(far[place] / size, "share", "the mean size of its terms", "H", times.ravel()[place])
+    deviation = Figure(far[place] / size, "share", "the mean size of its terms", "H", times[place])
     low, high = problem.limits(Where.ALONG, system.u)
     coupled = any(
-        ca.depends_on(c.expression, system.u) and not all(component.is_symbolic() for component in ca.vertsplit(c.expression))
+        ca.depends_on(c.expression, system.u)
+        and not all(component.is_symbolic() for component in ca.vertsplit(c.expression))
         for c in problem.subject_to
     )
     if coupled:
         return deviation, mean, Figure(np.nan, "share", "the cost", "undefined")
     reach = np.max(np.abs(u), axis=0, initial=0.0)
-    best = np.where(slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach))
+    best = np.where(
+        slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
+    )
     gap = np.sum(np.maximum(slopes.T * (u - best), 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
-    where = times.ravel()[int(np.argmax(gap))] if gap.size else np.nan
+    where = times[int(np.argmax(gap))] if gap.size else np.nan
     return deviation, mean, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)

@@ -48,7 +48,7 @@ class Gravity:
             ca.SX(0),
         )
         symbols = parameters.symbols
-        return Terms(potential=potential, symbols=symbols, nominal={name: parameters.nominal["g"] for name in symbols})
+        return Terms(potential=potential, symbols=symbols, nominal=dict.fromkeys(symbols, parameters.nominal["g"]))
 
     def _read(self) -> Parameters:
         return read({"g": self.g}, lambda _: "m/s^2", prefix="gravity.")

@@ -8,7 +8,7 @@ import casadi as ca
 
 from models.factorisation import factorise
 from models.forms.normal_form import normal_form
-from models.frames import Frame, curl
+from models.frames import Frame
 from models.manipulator import Manipulator
 from models.mechanics import Partials, assemble, momentum_rate
 from models.terms import Effect
