@@ -105,12 +105,21 @@ def cylindrical(
             Body("arm", m3, arm, turned, about_axis(p["Theta_3_33"])),
         ),
         tool=arm + p["l_T"] * along,
+        tool_metric=point_metric(offset, r + p["l_T"]),
         skeleton=ca.horzcat(ca.SX(3, 1), lift, offset * across + lift, arm + p["l_T"] * along),
         drives=(Drive("M_phi", 1), Drive("K_xi", 1), Drive("K_r", 1)),
         frames={"paper": paper, "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},
         nominal=p.nominal,
         symbols=p.symbols,
     )
+
+
+def point_metric(across: ca.SX | float, along: ca.SX) -> ca.SX:
+    """Return the metric (3, 3) of a unit point mass at (across, along) of the vertical axis."""
+    metric = ca.SX(3, 3)
+    metric[0, 0], metric[1, 1], metric[2, 2] = across * across + along**2, 1, 1
+    metric[0, 2] = metric[2, 0] = across
+    return ca.sparsify(metric)
 
 
 def about_axis(moment: ca.SX | float) -> ca.SX:

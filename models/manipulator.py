@@ -54,6 +54,7 @@ class Manipulator:
     metric: ca.SX  # (n, n) g(q) [kg m^2, kg m, kg]
     bodies: tuple[Body, ...]
     tool: ca.SX  # (3,) position of the tool point [m]
+    tool_metric: ca.SX  # (n, n) metric of a unit point mass at the tool, in closed form
     skeleton: ca.SX  # (3, k) corners of the arm as a line in space, from the base to the tool [m]
     drives: tuple[Drive, ...]  # in coordinate order
     frames: Mapping[str, Callable[[ca.SX], Frame]]  # name -> maker, called with the metric that effects add

@@ -29,6 +29,15 @@ class Mechanics:
         """(n,) generalised forces that are not in the potential: drives and effects."""
         return self.machine.tau if self.terms.force is None else self.machine.tau + self.terms.force
 
+    @property
+    def potential(self) -> ca.SX:
+        """Potential energy U(q) [J]: of the effects, and of all masses in their field."""
+        total = self.terms.potential
+        if self.terms.acceleration is not None:
+            for body in (*self.machine.bodies, *self.terms.bodies):
+                total = total + body.mass * ca.dot(-self.terms.acceleration, body.centre)
+        return total
+
     def frame(self, chosen: str | Frame | None) -> Frame:
         """Return the frame called `chosen` (default "regular"), or `chosen` itself, with what effects add."""
         if isinstance(chosen, Frame):
@@ -93,7 +102,7 @@ def momentum_rate(mechanics: Mechanics, frame: Frame, w: ca.SX, p: ca.SX, partia
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (1.5) and (2.3).
     """
     v = frame.inverse @ w
-    force = partials.kinetic_gradient(w) - ca.gradient(mechanics.terms.potential, frame.q)
+    force = partials.kinetic_gradient(w) - ca.gradient(mechanics.potential, frame.q)
     for b, i, j, entry in curl(frame):
         force[i] += p[b] * entry * v[j]
     applied = ca.substitute(mechanics.force, mechanics.machine.v, v)

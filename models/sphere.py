@@ -110,6 +110,7 @@ def spherical(
 
     tilted = rotation(2, psi) @ rotation(0, -theta)
     direction = tilted[:, 2]
+    reach_tool = (r + p["l_T"]) ** 2
     return Manipulator(
         name="spherical",
         coordinates=coordinates,
@@ -129,6 +130,7 @@ def spherical(
             ),
         ),
         tool=(r + p["l_T"]) * direction,
+        tool_metric=ca.sparsify(ca.diag(ca.vertcat(reach_tool, reach_tool * sine**2, 0, 1))),
         skeleton=ca.horzcat(ca.SX(3, 1), s2 * direction, r * direction, (r + p["l_T"]) * direction),
         drives=(Drive("M_theta", -1), Drive("M_psi", 1), Drive("M_phi", 1), Drive("K_r", 1)),
         frames={"paper": fixed(paper), "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 if TYPE_CHECKING:
-    from models.manipulator import Manipulator
+    from models.manipulator import Body, Manipulator
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,8 @@ class Terms:
 
     metric: ca.SX | None = None  # (n, n) added to g(q)
     potential: ca.SX = field(default_factory=lambda: ca.SX(0))  # U(q) [J]
+    acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
+    bodies: tuple[Body, ...] = ()  # that the effect attaches; their inertia is in `metric`
     force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
     states: Mapping[str, State] = field(default_factory=dict)
     signals: Mapping[str, Quantity] = field(default_factory=dict)
@@ -45,6 +47,8 @@ class Terms:
         return Terms(
             metric=_sum(self.metric, other.metric),
             potential=self.potential + other.potential,
+            acceleration=_sum(self.acceleration, other.acceleration),
+            bodies=self.bodies + other.bodies,
             force=_sum(self.force, other.force),
             states=_union("state", self.states, other.states),
             signals=_union("signal", self.signals, other.signals),

@@ -112,6 +112,7 @@ def torus(
             Body("link 3", m3, end, third, _tensor(p, 3)),
         ),
         tool=end + p["l_T"] * third[:, 0],
+        tool_metric=_point_metric(offset, length2, length3 / 2 + p["l_T"], q),
         skeleton=ca.horzcat(ca.SX(3, 1), shoulder, elbow, end + p["l_T"] * third[:, 0]),
         drives=(Drive("M_1", 1), Drive("M_2", -1), Drive("M_3", -1)),
         frames=frames,
@@ -178,6 +179,16 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
         "other_root": fixed(other),
     }
     return metric, frames
+
+
+def _point_metric(offset: ca.SX | float, inner: ca.SX | float, outer: ca.SX | float, q: ca.SX) -> ca.SX:
+    """Return the metric (3, 3) of a unit point mass at the end of links of lengths inner and outer."""
+    alpha, beta = q[1], q[1] + q[2]
+    t2, t3 = offset * inner * ca.sin(alpha), offset * outer * ca.sin(beta)
+    half = inner * outer * ca.cos(q[2])
+    g11 = offset * offset + (inner * ca.cos(alpha) + outer * ca.cos(beta)) ** 2
+    g22 = inner * inner + outer * outer + 2 * half
+    return _symmetric(g11, ca.SX(t2 + t3), ca.SX(t3), g22, outer * outer + half, ca.SX(outer * outer))
 
 
 def _symmetric(g11: ca.SX, g12: ca.SX, g13: ca.SX, g22: ca.SX, g23: ca.SX, g33: ca.SX) -> ca.SX:

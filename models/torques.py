@@ -42,7 +42,7 @@ def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca
     momentum = mechanics.metric @ v
     kinetic = ca.dot(v, momentum) / 2
     inertia = mechanics.metric @ a + ca.jtimes(momentum, q, v) - ca.gradient(kinetic, q)
-    tau = inertia + ca.gradient(mechanics.terms.potential, q)
+    tau = inertia + ca.gradient(mechanics.potential, q)
     if mechanics.terms.force is not None:
         tau = tau - mechanics.terms.force
     parameters = {**machine.symbols, **mechanics.terms.symbols}

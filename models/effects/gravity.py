@@ -39,16 +39,12 @@ class Gravity:
             raise ValueError(f"gravity.direction: got {self.direction!r}, expected three numbers, not all zero")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
-        """Return the potential of all bodies of the machine."""
+        """Return the field; it acts on all masses, those that other effects attach included."""
         parameters = self._read()
         unit = np.array(self.direction, dtype=float) / np.linalg.norm(self.direction)
-        # Mass times field first: numbers fold, and the graph keeps one product for each body.
-        potential = sum(
-            (body.mass * parameters["g"] * ca.dot(ca.SX(ca.DM(-unit)), body.centre) for body in machine.bodies),
-            ca.SX(0),
-        )
-        symbols = parameters.symbols
-        return Terms(potential=potential, symbols=symbols, nominal=dict.fromkeys(symbols, parameters.nominal["g"]))
+        nominal = dict.fromkeys(parameters.symbols, parameters.nominal["g"])
+        field = parameters["g"] * ca.sparsify(ca.SX(ca.DM(unit)))
+        return Terms(acceleration=field, symbols=parameters.symbols, nominal=nominal)
 
     def _read(self) -> Parameters:
         return read({"g": self.g}, lambda _: "m/s^2", prefix="gravity.")

@@ -40,7 +40,7 @@ def normal_form(
         "tau": machine.tau,
         "tool": machine.tool,
         "power": ca.dot(machine.tau, v),
-        "energy": ca.dot(w, frame.metric @ w) / 2 + terms.potential,
+        "energy": ca.dot(w, frame.metric @ w) / 2 + mechanics.potential,
     }
     if kind != "v":
         signals[kind] = symbol
