@@ -1,20 +1,27 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
-from ocp.collocation import Control, Scheme, legendre, radau
+from ocp.collocation import Control, Scheme, legendre, lobatto, radau
+from ocp.extension import extend, time_derivative
 from ocp.grid import Grid, given, uniform
-from ocp.guess import Guess, straight_line
-from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, along, end, start
+from ocp.guess import Guess, smooth, straight_line
+from ocp.ipopt import Ipopt
+from ocp.ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
+from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, along, end, periodic, start
+from ocp.region import Ball, Box, Cylinder, HalfSpace, inside, outside
+from ocp.sequence import Sequence, SequenceSolution
 from ocp.simulation import Trajectory, simulate
 from ocp.solution import Solution, Status, Timings
-from ocp.solver import Ipopt, Prepared, prepare, solve
+from ocp.solver import Prepared, prepare, solve
 from ocp.storage import load, save
 from ocp.system import Label, System
 from ocp.tasks import point_to_point
 from ocp.verification import Report, verify
 
 __all__ = [
-    "Bolza", "Constraint", "Control", "Fixed", "Free", "Grid", "Guess", "Ipopt", "Label", "Prepared", "Problem",
-    "Report", "Scheme", "Solution", "Status", "System", "Timings", "Trajectory", "along", "end", "given", "legendre",
-    "load", "point_to_point", "prepare", "radau", "save", "simulate", "solve", "start", "straight_line", "uniform",
-    "verify",
+    "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cylinder", "Fixed", "Free", "Grid", "Guess",
+    "HalfSpace", "Ipopt", "Label", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
+    "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "System", "Timings", "Trajectory",
+    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "outside", "periodic",
+    "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
+    "time_derivative", "uniform", "verify",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -36,6 +37,7 @@ class Scheme:
     state: Array  # (rows, m) defect matrix of the state values
     rate: Array  # (rows, d) defect matrix of the rates
     basis: tuple[int, ...]  # nodes whose values define the state polynomial
+    slope_at_start: bool  # whether h dx/dt at tau = 0 defines it as well
     order: int  # of the state at the ends of elements, for a smooth problem
 
     def __repr__(self) -> str:
@@ -53,15 +55,29 @@ class Scheme:
         return lagrange_matrix(self.control_nodes, np.asarray(tau, dtype=float))
 
     def state_at(self, tau: Array) -> Array:
-        """Return the matrix (len(tau), m) that takes the state unknowns of an element to x(tau)."""
-        matrix = np.zeros((len(tau), len(self.nodes)))
-        matrix[:, list(self.basis)] = lagrange_matrix(self.nodes[list(self.basis)], np.asarray(tau, dtype=float))
-        return matrix
+        """Return the matrix (len(tau), m + e) that takes the data of an element to x(tau).
+
+        The data are the m state unknowns and, if `slope_at_start`, h dx/dt at tau = 0 (e = 1, else 0).
+        """
+        return self._state_matrix(np.asarray(tau, dtype=float), lagrange_matrix)
 
     def slope_at(self, tau: Array) -> Array:
-        """Return the matrix (len(tau), m) that takes the state unknowns of an element to dx/dtau."""
-        matrix = np.zeros((len(tau), len(self.nodes)))
-        matrix[:, list(self.basis)] = slope_matrix(self.nodes[list(self.basis)], np.asarray(tau, dtype=float))
+        """Return the matrix (len(tau), m + e) that takes the data of an element to dx/dtau."""
+        return self._state_matrix(np.asarray(tau, dtype=float), slope_matrix)
+
+    def _state_matrix(self, tau: Array, interpolation: Callable[[Array, Array], Array]) -> Array:
+        nodes = self.nodes[list(self.basis)]
+        matrix = np.zeros((len(tau), len(self.nodes) + int(self.slope_at_start)))
+        matrix[:, list(self.basis)] = interpolation(nodes, tau)
+        if self.slope_at_start:
+            # One degree more: c (tau - n_1) ... (tau - n_m) vanishes at the nodes, n_1 = 0, and mends the slope there.
+            at_start = slope_matrix(nodes, np.zeros(1))[0]
+            products = np.prod(-nodes[1:])
+            value = np.prod(tau[:, None] - nodes, axis=1)
+            slope = sum(np.prod(tau[:, None] - np.delete(nodes, i), axis=1) for i in range(len(nodes)))
+            bump = (value if interpolation is lagrange_matrix else slope) / products
+            matrix[:, list(self.basis)] -= bump[:, None] * at_start
+            matrix[:, -1] = bump
         return matrix
 
     def costate_at(self, tau: Array) -> Array:
@@ -89,7 +105,7 @@ def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     nodes = np.concatenate([[0.0], points])
     return Scheme(
         "radau", degree, control, points, quadrature(points), nodes, tuple(range(1, degree + 1)),
-        slope_matrix(nodes, points), np.eye(degree), tuple(range(degree + 1)), 2 * degree - 1,
+        slope_matrix(nodes, points), np.eye(degree), tuple(range(degree + 1)), False, 2 * degree - 1,
     )  # fmt: skip
 
 
@@ -115,8 +131,46 @@ def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     rate = np.vstack([np.eye(degree), np.zeros((1, degree))])
     return Scheme(
         "legendre", degree, control, points, quadrature(points), np.concatenate([inner, [1.0]]),
-        tuple(range(1, degree + 1)), state, rate, tuple(range(degree + 1)), 2 * degree,
+        tuple(range(1, degree + 1)), state, rate, tuple(range(degree + 1)), False, 2 * degree,
     )  # fmt: skip
+
+
+def lobatto(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
+    """Return the Lobatto IIIA scheme: both ends are points, order 2 degree - 2; 2 is the trapezoid, 3 Hermite-Simpson.
+
+    The state is the polynomial of that degree through all points with the slope of the first.
+
+    Args:
+        degree: number of collocation points, 2 to 12.
+        control: shape of the control on an element.
+
+    Raises:
+        ValueError: degree out of range.
+        TypeError: control is no member of Control.
+
+    Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5; for degree 3 Hargraves, Paris, Direct
+        trajectory optimization using nonlinear programming and collocation, 1987.
+    """
+    _check(degree, control, least=2)
+    # Roots of the derivative of P_{d-1}, and both ends.
+    inner = polynomials.legroots(polynomials.legder([0.0] * (degree - 1) + [1.0])) if degree > 2 else np.zeros(0)
+    points = np.concatenate([[0.0], _unit(inner), [1.0]])
+    butcher = integration_matrix(points)  # a_ij, first row zero
+    # X_i - X_0 = h (a_i0 F_0 + sum_j a_ij F_j), solved for the rates at all points but the first.
+    solved = np.linalg.inv(butcher[1:, 1:])
+    state = np.hstack([-solved.sum(axis=1, keepdims=True), solved])
+    rate = np.hstack([solved @ butcher[1:, :1], np.eye(degree - 1)])
+    return Scheme(
+        "lobatto", degree, control, points, quadrature(points), points, tuple(range(degree)),
+        state, rate, tuple(range(degree)), True, 2 * degree - 2,
+    )  # fmt: skip
+
+
+def integration_matrix(points: Array) -> Array:
+    """Return a_ij, the integral from 0 to c_i of the j-th Lagrange polynomial on the points, shape (d, d)."""
+    gauss, weights = polynomials.leggauss(len(points))
+    rows = [c * (weights / 2.0) @ lagrange_matrix(points, c * (gauss + 1.0) / 2.0) for c in points]
+    return np.array(rows)
 
 
 def lagrange_matrix(nodes: Array, tau: Array) -> Array:
@@ -151,8 +205,8 @@ def _unit(points: Array) -> Array:
     return np.sort((np.real(points) + 1.0) / 2.0)
 
 
-def _check(degree: int, control: Control) -> None:
-    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree <= 12:
-        raise ValueError(f"degree: got {degree!r}, expected a whole number of collocation points from 1 to 12")
+def _check(degree: int, control: Control, least: int = 1) -> None:
+    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not least <= degree <= 12:
+        raise ValueError(f"degree: got {degree!r}, expected a whole number of collocation points from {least} to 12")
     if not isinstance(control, Control):
         raise TypeError(f"control: got {control!r}, expected {', '.join(map(str, Control))}")

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from collections.abc import Sequence as Several
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from ocp.problem import Fixed, Problem, Where
+from ocp.problem import Fixed, Free, Problem, Where, start
+
+if TYPE_CHECKING:
+    from ocp.sequence import Sequence
 
 Array = np.ndarray
 PLACES = 11  # at which the controls of a straight line are balanced
+SMOOTH_PLACES = 61  # of a smooth motion
+STRETCHES = tuple(2.0 ** (k / 2.0) for k in range(-4, 17))  # of the guessed duration, a quarter to 256 times
 ITERATIONS = 30  # of Gauss-Newton for the states at the ends
 
 
@@ -42,7 +49,29 @@ class Guess:
         return _interpolate(share, self.share, self.u)
 
 
-def straight_line(problem: Problem, values: Sequence[float]) -> Guess:
+def chain(
+    problem: Problem | Sequence, values: list[list[float]], make: Callable[[Problem, Several[float]], Guess]
+) -> list[Guess]:
+    """Return one guess for each phase, each beginning where the one before it ends.
+
+    Args:
+        problem: a Problem, or a Sequence whose links say what is continuous.
+        values: of the parameters of each phase.
+        make: straight_line or smooth.
+    """
+    if isinstance(problem, Problem):
+        return [make(problem, values[0])]
+    guesses = [make(problem.problems[0], values[0])]
+    for k, phase in enumerate(problem.problems[1:]):
+        before, after = problem.sides[k]
+        old = problem.problems[k].system
+        reached = ca.Function("reached", [old.x, old.p], [ca.densify(before)])(guesses[-1].x[-1], values[k])
+        there = replace(phase, subject_to=(*phase.subject_to, start(after, np.array(reached).ravel())))
+        guesses.append(make(there, values[k + 1]))
+    return guesses
+
+
+def straight_line(problem: Problem, values: Several[float]) -> Guess:
     """Return the straight line from a state that meets the start conditions to one that meets the end conditions.
 
     The states at the ends are the ones nearest to zero (within the limits along the motion) that satisfy
@@ -53,52 +82,140 @@ def straight_line(problem: Problem, values: Sequence[float]) -> Guess:
         problem: the problem.
         values: of the parameters.
     """
-    system, horizon = problem.system, problem.horizon
-    if isinstance(horizon, Fixed):
-        duration = horizon.duration
-    else:
-        duration = float(np.clip(horizon.guess, horizon.lower, horizon.upper))
-    p = ca.DM(list(values))
-    low, high = problem.limits(Where.ALONG, system.x)
-    first = _meet(problem, Where.START, np.clip(np.zeros(len(low)), low, high), p)
-    last = _meet(problem, Where.END, first, p)
+    duration, p = _duration(problem), ca.DM(list(values))
+    first, last, _ = ends(problem, p)
     share = np.linspace(0.0, 1.0, PLACES)
     x = first + share[:, None] * (last - first)
-    u = _balance(problem, x, (last - first) / duration, p)
-    return Guess(share, x, u, duration, np.zeros(0))
+    rates = np.tile((last - first) / duration, (PLACES, 1))
+    return Guess(share, x, _balance(problem, x, rates, p), duration, np.zeros(0))
 
 
-def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> Array:
+def smooth(problem: Problem, values: Several[float]) -> Guess:
+    """Return a smooth motion between the ends whose states and controls follow from the system itself.
+
+    The states that the controls reach last (positions, as a rule) run along a quintic, or a septic if more than two
+    integrations lie between; the states before them are found place by place from x' = f(x, u), and the controls
+    last. The duration is the shortest of a geometric series around the guessed one that keeps the controls within
+    their limits.
+
+    Args:
+        problem: the problem.
+        values: of the parameters.
+    """
+    p = ca.DM(list(values))
+    first, last, _ = ends(problem, p)
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    layers = _layers(problem)
+    best: Guess | None = None
+    least = np.inf
+    for factor in STRETCHES if isinstance(problem.horizon, Free) else (1.0,):
+        duration = _duration(problem) * factor
+        guess = _follow(problem, first, last, duration, layers, p)
+        beyond = float(np.max(np.maximum(low - guess.u, guess.u - high) / _range(low, high), initial=0.0))
+        if beyond < least:
+            best, least = guess, beyond
+        if beyond <= 0.0:
+            break
+    if best is None:
+        return straight_line(problem, values)
+    return Guess(best.share, best.x, np.clip(best.u, low, high), best.duration, best.free)
+
+
+def _range(low: Array, high: Array) -> Array:
+    both = np.isfinite(low) & np.isfinite(high) & (high > low)
+    return np.where(both, np.where(both, high, 1.0) - np.where(both, low, 0.0), 1.0)
+
+
+def _duration(problem: Problem) -> float:
+    horizon = problem.horizon
+    if isinstance(horizon, Fixed):
+        return horizon.duration
+    return float(np.clip(horizon.guess, horizon.lower, horizon.upper))
+
+
+def _layers(problem: Problem) -> list[Array]:
+    """Return the states by the number of integrations that lie between the controls and them, nearest first."""
+    system = problem.system
+    by_u = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.u), 1.0).full(), dtype=bool)
+    by_x = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.x), 1.0).full(), dtype=bool)
+    left = np.ones(system.x.numel(), dtype=bool)
+    reached = by_u.any(axis=1) if by_u.size else np.zeros(len(left), dtype=bool)
+    layers = []
+    while reached.any():
+        layers.append(np.flatnonzero(reached))
+        left &= ~reached
+        reached = left & by_x[:, layers[-1]].any(axis=1)
+    return layers
+
+
+def _follow(problem: Problem, first: Array, last: Array, duration: float, layers: list[Array], p: ca.DM) -> Guess:
+    system, share = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    if len(layers) > 2:
+        step = share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
+    else:
+        step = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    x = first + step[:, None] * (last - first)
+    still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
+    slopes = ca.densify(ca.jacobian(system.rate, system.x))
+    function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slopes]).map(len(share))
+    held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
+    for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
+        rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
+        for _ in range(ITERATIONS):
+            f, slope = (np.array(part) for part in function(x.T, *held))
+            short = rates - f.T[:, known]
+            blocks = slope.T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
+            blocks = blocks[:, known[:, None], wanted]
+            if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))) or np.max(np.abs(short)) < 1e-9:
+                break
+            x[:, wanted] += np.einsum("kij,kj->ki", np.linalg.pinv(blocks), short)
+    rates = np.gradient(x, share * duration, axis=0, edge_order=2)
+    return Guess(share, x, _balance(problem, x, rates, p, clip=False), duration, np.zeros(0))
+
+
+def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
+    """Return states that meet the start and end conditions, and whether those conditions fix them completely."""
+    low, high = problem.limits(Where.ALONG, problem.system.x)
+    still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
+    first, start_fixed = _meet(problem, Where.START, still, p)
+    last, end_fixed = _meet(problem, Where.END, first, p)
+    return first, last, (start_fixed, end_fixed)
+
+
+def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bool]:
     system = problem.system
     wanted = [c for c in problem.subject_to if c.where is where and not ca.depends_on(c.expression, system.u)]
     if not wanted:
-        return x
+        return x, False
     expression = ca.vertcat(*(c.expression for c in wanted))
     low, high = np.concatenate([c.lower for c in wanted]), np.concatenate([c.upper for c in wanted])
     function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
+    whole = False
     for _ in range(ITERATIONS):
         value, slope = (np.array(part) for part in function(x, p))
         short = np.clip(value.ravel(), low, high) - value.ravel()
-        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(short))) or np.max(np.abs(short)) < 1e-12:
+        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(short))):
+            return x, False
+        whole = bool(np.linalg.matrix_rank(slope[low == high]) == len(x)) if np.any(low == high) else False
+        if np.max(np.abs(short)) < 1e-12:
             break
         x = x + np.linalg.lstsq(slope, short, rcond=None)[0]
-    return x
+    return x, whole
 
 
-def _balance(problem: Problem, x: Array, rate: Array, p: ca.DM) -> Array:
-    system = problem.system
+def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, clip: bool = True) -> Array:
+    system, count = problem.system, len(x)
     low, high = problem.limits(Where.ALONG, system.u)
     u0 = np.clip(np.zeros(len(low)), low, high)
     slope = ca.densify(ca.jacobian(system.rate, system.u))
-    function = ca.Function("balance", [system.x, system.u, system.p], [system.rate, slope])
-    controls = []
-    for xk in x:
-        f, b = (np.array(part) for part in function(xk, u0, p))
-        missing = rate - f.ravel()
-        usable = np.all(np.isfinite(b)) and np.all(np.isfinite(missing))
-        step = np.linalg.lstsq(b, missing, rcond=None)[0] if usable and len(u0) else np.zeros(len(u0))
-        controls.append(np.clip(u0 + step, low, high))
-    return np.array(controls).reshape(len(x), len(u0))
+    function = ca.Function("balance", [system.x, system.u, system.p], [ca.densify(system.rate), slope]).map(count)
+    f, b = (np.array(part) for part in function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count)))
+    missing, blocks = rates - f.T, b.T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
+    usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
+    u = np.tile(u0, (count, 1))
+    if len(u0) and usable.any():
+        u[usable] += np.einsum("kij,kj->ki", np.linalg.pinv(blocks[usable]), missing[usable])
+    return np.clip(u, low, high) if clip else u
 
 
 def _interpolate(share: Array, places_: Array, values: Array) -> Array:

@@ -18,6 +18,7 @@ class Where(Enum):
     START = "start"
     END = "end"
     ALONG = "along"
+    PERIODIC = "periodic"  # value at the end minus value at the start
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,19 @@ def along(expression: ca.SX, lower: Limit = None, upper: Limit = None) -> Constr
     return _constraint(Where.ALONG, expression, lower, upper)
 
 
+def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
+    """Constrain an expression to the same value at both ends, expression(T) - expression(0) = shift.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        shift: (m,) or scalar, for motions that repeat a number of turns further.
+
+    Raises:
+        ValueError: sizes disagree, NaN.
+    """
+    return _constraint(Where.PERIODIC, expression, shift, shift)
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise a Bolza cost over a horizon, subject to constraints.
@@ -128,7 +142,7 @@ class Problem:
         system: x' = f(x, u, p).
         horizon: Free or Fixed.
         minimise: the cost.
-        subject_to: made by start, end, along.
+        subject_to: made by start, end, along, periodic, inside, outside.
 
     Raises:
         TypeError: a part of the wrong kind.

@@ -24,6 +24,7 @@ class Status(Enum):
     SOLVED = "solved to the requested tolerance"
     ACCEPTABLE = "solved to a looser tolerance only; tighten or rescale before trusting the last digits"
     INFEASIBLE = "no motion found that meets all constraints"
+    UNBOUNDED = "the iterates diverge: the cost or the motion has no bound"
     LIMIT = "stopped at the limit of iterations or time; the last iterate is kept"
     STOPPED = "stopped by the user; the last iterate is kept"
     FAILED = "the solver failed; the last iterate is kept"
@@ -54,6 +55,7 @@ class Solution:
     cost: float
     states: Array  # (N, m, nx) at the nodes of the scheme on every element
     controls: Array  # (N, c, nu) control unknowns of every element
+    slopes: Array  # (N, e, nx) h dx/dt at the start of every element; e = 1 for Lobatto, else 0
     costates: Array  # (N, d, nx) at the collocation points
     free: Mapping[str, float]  # values of the parameters that were unknowns
     values: Mapping[str, float]  # value of every parameter in this motion
@@ -62,6 +64,7 @@ class Solution:
     grid: Grid
     scheme: Scheme
     problem: Problem | None  # None if loaded from a file without it
+    rung: str = "given guess"  # which first guess led here
     log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
 
     @property
@@ -74,6 +77,11 @@ class Solution:
             f"Solution({self.status.name.lower()}, duration {self.duration:.9g} s, cost {self.cost:.9g}, "
             f"{self.iterations} iterations, {self.timings.total:.3g} s, {self.scheme!r}, {self.grid!r})"
         )
+
+    @property
+    def data(self) -> Array:
+        """(N, m + e, nx) what defines the state polynomial of every element: states, then slopes."""
+        return np.concatenate([self.states, self.slopes], axis=1)
 
     @property
     def nodes(self) -> Array:
@@ -93,12 +101,12 @@ class Solution:
 
     def x(self, t: Array | float) -> Array:
         """Return the state at times t [s] within the motion, shape (len(t), nx), or (nx,) for a scalar."""
-        return self._evaluate(t, self.states, self.scheme.state_at)
+        return self._evaluate(t, self.data, self.scheme.state_at)
 
     def rate(self, t: Array | float) -> Array:
         """Return dx/dt of the interpolant at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
         widths = self.duration * self.grid.widths
-        return self._evaluate(t, self.states / widths[:, None, None], self.scheme.slope_at)
+        return self._evaluate(t, self.data / widths[:, None, None], self.scheme.slope_at)
 
     def u(self, t: Array | float) -> Array:
         """Return the control at times t [s], from the right where it jumps, shape (len(t), nu) or (nu,)."""
@@ -147,8 +155,8 @@ class Solution:
         """
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
-        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.states)
-        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.states / widths[:, None, None])
+        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
         u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 

@@ -11,21 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ocp.collocation import Control, Scheme, legendre, radau
+from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.solution import Solution, Status, Timings
 
 FORMAT = "hamel-solution"
 VERSION = 1
-SCHEMES = {"radau": radau, "legendre": legendre}
-ARRAYS = ("states", "controls", "costates", "ends")
+SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
+ARRAYS = ("states", "controls", "slopes", "costates", "ends")
 
 
 def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution to one NPZ file; an existing file is replaced only when the new one is complete.
 
-    Arrays `states` (N, m, nx), `controls` (N, c, nu), `costates` (N, d, nx), `ends` (N + 1,), and `about`, a JSON
+    Arrays `states` (N, m, nx), `controls` (N, c, nu), `slopes` (N, e, nx), `costates` (N, d, nx), `ends` (N + 1,), and `about`, a JSON
     text with everything else. No pickle: any NPZ reader opens it.
 
     Args:
@@ -49,6 +49,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "values": dict(solution.values),
         "timings": asdict(solution.timings),
         "iterations": solution.iterations,
+        "rung": solution.rung,
         "scheme": {
             "name": solution.scheme.name,
             "degree": solution.scheme.degree,
@@ -66,6 +67,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
                 file,
                 states=solution.states,
                 controls=solution.controls,
+                slopes=solution.slopes,
                 costates=solution.costates,
                 ends=solution.grid.ends,
                 about=np.array(json.dumps(about)),
@@ -105,8 +107,8 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         _check_shapes(arrays, scheme, grid)
         return Solution(
             Status[about["status"]], about["message"], about["solver_status"], about["duration"], about["cost"],
-            arrays["states"], arrays["controls"], arrays["costates"], about["free"], about["values"],
-            Timings(**about["timings"]), about["iterations"], grid, scheme, problem, about["log"],
+            arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"], about["free"], about["values"],
+            Timings(**about["timings"]), about["iterations"], grid, scheme, problem, about["rung"], about["log"],
         )  # fmt: skip
     except (KeyError, TypeError) as error:
         raise ValueError(f"{path}: the solution file is incomplete ({error!r})") from None
@@ -123,6 +125,7 @@ def _check_shapes(arrays: dict[str, np.ndarray], scheme: Scheme, grid: Grid) -> 
     expected = {
         "states": (len(grid), len(scheme.nodes)),
         "controls": (len(grid), len(scheme.control_nodes)),
+        "slopes": (len(grid), int(scheme.slope_at_start)),
         "costates": (len(grid), scheme.degree),
     }
     for name, shape in expected.items():

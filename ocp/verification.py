@@ -101,14 +101,14 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     span = np.max(np.abs(solution.states), axis=(0, 1))
     scale = np.where(span > 0.0, span, 1.0)
     drift, end, energy = _reintegrate(solution, problem, scale)
-    excess = _excess(solution, problem)
-    relative = max(excess, key=lambda pair: pair[0], default=(0.0, None))
+    beyond = excess(solution, problem)
+    relative = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
     worst = relative[1]
     violation = Figure(
         relative[0], "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan
     )
     hamiltonian, mean, switching = _pontryagin(solution, problem)
-    figures = tuple(figure for _, figure in excess)
+    figures = tuple(figure for _, figure in beyond)
     return Report(solution.status.name, drift, end, violation, hamiltonian, mean, switching, energy, figures)
 
 
@@ -146,8 +146,8 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
 
 
-def _excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
-    """Return for every limited component (excess relative to its range, excess in its unit)."""
+def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
+    """Return for every limited component its excess relative to its range, and in its unit with name and time."""
     found = []
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
@@ -155,9 +155,12 @@ def _excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     for constraint in problem.subject_to:
         function = ca.Function("limit", [system.x, system.u, system.p], [constraint.expression])
-        rows = {Where.START: slice(0, 1), Where.END: slice(-1, None), Where.ALONG: slice(None)}[constraint.where]
         motion = np.array(function.map(len(dense))(x.T, u.T, np.tile(p[:, None], len(dense))))
-        values = motion[:, rows]
+        if constraint.where is Where.PERIODIC:
+            rows, values = slice(-1, None), motion[:, -1:] - motion[:, :1]
+        else:
+            rows = {Where.START: slice(0, 1), Where.END: slice(-1, None), Where.ALONG: slice(None)}[constraint.where]
+            values = motion[:, rows]
         beyond = np.maximum(constraint.lower[:, None] - values, values - constraint.upper[:, None])
         for c, label in enumerate(problem.labels(constraint)):
             place = int(np.argmax(beyond[c]))

@@ -92,8 +92,8 @@ def states(arm, count=200, seed=1):
 def evaluate(inputs, outputs, *columns):
     """Evaluate SX expressions at many points, one column of each input for one point; matrices become (n, m, K)."""
     function = ca.Function("f", inputs, [ca.densify(ca.vec(output)) for output in outputs])
-    count = columns[0].shape[1]
-    results = function.map(count).call([ca.DM(column) for column in columns])
+    count = np.shape(columns[0])[1]
+    results = function.map(count).call([ca.DM(np.array(column, dtype=float)) for column in columns])
     shapes = [(-1, count) if output.shape[1] == 1 else (*output.shape, count) for output in outputs]
     return [np.array(result).reshape(shape, order="F") for result, shape in zip(results, shapes, strict=True)]
 
@@ -112,6 +112,17 @@ def acceleration(system):
     return ca.jtimes(system["v"], system.x, system.rate)
 
 
+def start(form, arm, q, v, frame="regular", added=None):
+    """Return states x of the form called `form` at coordinates q and velocities v, one column for each state."""
+    if form == "lagrange":
+        return np.vstack([q, v])
+    basis = arm.frame(frame, added)
+    third = basis.matrix @ arm.v
+    if form == "canonical":
+        third = basis.metric @ third
+    return np.vstack([q, *evaluate([arm.q, arm.v], [third], q, v)])
+
+
 def kinetic_energy(arm):
     """Return T(q, v) summed over the bodies, from nothing but mass centres, rotation matrices and inertia."""
     total = ca.SX(0)
@@ -127,3 +138,67 @@ def kinetic_energy(arm):
 def weight(arm, g):
     """Return U(q) of the bodies in a field g along -e_3."""
     return sum((body.mass * g * body.centre[2] for body in arm.bodies), ca.SX(0))
+
+
+# Equations of motion by hand: P. Maisser, Modellgleichungen fuer Manipulatoren, in frames that are regular everywhere.
+
+
+def sphere_by_hand(n, q, w, p, force, g):
+    """Return q', w', p', H and the metric: (4.6) and (4.7), but with omega_2 = psi'."""
+    theta, _, _, r = q
+    s, c = np.sin(theta), np.cos(theta)
+    own = n["m_2"] * n["s_2"] ** 2 + n["m_3"] * r**2
+    theta11 = n["Theta_2_11"] + n["Theta_3_11"] + own
+    d = n["Theta_3_11"] + n["Theta_2_22"] - n["Theta_2_33"] + own
+    spin, m3, weight = n["Theta_3_33"], n["m_3"], (n["m_2"] * n["s_2"] + n["m_3"] * r) * g
+    j = n["Theta_1_33"] + n["Theta_2_33"] + d * s**2
+    m_theta, m_psi, m_phi, k_r = -force[0], force[1], force[2], force[3]
+    w1, w2, w3, w4 = w
+    q_rate = np.array([w1, w2, w3 - c * w2, w4])
+    w_rate = [
+        (-m_theta + weight * s - 2 * m3 * r * w1 * w4 + s * w2 * (d * c * w2 - spin * w3)) / theta11,
+        (m_psi - c * m_phi + s * (w1 * (spin * w3 - 2 * d * c * w2) - 2 * m3 * r * s * w2 * w4)) / j,
+        m_phi / spin,
+        k_r / m3 - g * c + r * (w1**2 + s**2 * w2**2),
+    ]
+    p1, p2, p3, p4 = p
+    v1, v2 = p1 / theta11, p2 / j
+    p_rate = [
+        -m_theta + weight * s + s * v2 * (d * c * v2 - p3),
+        m_psi - c * m_phi + s * v1 * p3,
+        m_phi,
+        k_r - m3 * g * c + m3 * r * (v1**2 + s**2 * v2**2),
+    ]
+    energy = p1**2 / (2 * theta11) + p2**2 / (2 * j) + p3**2 / (2 * spin) + p4**2 / (2 * m3) + weight * c
+    return q_rate, np.array(w_rate), np.array(p_rate), energy, (theta11, j, 0 * j + spin, 0 * j + m3)
+
+
+def torus_by_hand(n, q, w, p, force, g):
+    """Return q', w', p', H and the metric: (5.6) and (5.7), but with 2 omega_2,3 = alpha' -+ beta' / sigma."""
+    m2, m3, l2, l3 = n["m_2"], n["m_3"], n["L_2"], n["L_3"]
+    i2, i3 = n["Theta_2_22"] + m2 * l2**2 / 4 + m3 * l2**2, n["Theta_3_22"] + m3 * l3**2 / 4
+    kappa, sigma = m3 * l2 * l3, np.sqrt(i2 / i3)
+    b1 = n["Theta_1_33"] + n["Theta_2_11"] + n["Theta_3_11"]
+    b2 = n["Theta_2_33"] - n["Theta_2_11"] + m2 * l2**2 / 4 + m3 * l2**2
+    b3 = n["Theta_3_33"] - n["Theta_3_11"] + m3 * l3**2 / 4
+    (c2, s2), (c3, s3), (c23, s23) = ((np.cos(a), np.sin(a)) for a in (q[1], q[2], q[1] + q[2]))
+    g11 = b1 + b2 * c2**2 + b3 * c23**2 + kappa * c2 * c23
+    x2, x3 = -s2 * (b2 * c2 + kappa * c23 / 2), -s23 * (b3 * c23 + kappa * c2 / 2)
+    weight2, weight3 = (m2 / 2 + m3) * l2 * g, m3 / 2 * l3 * g
+    m_1, m_2, m_3 = force[0], -force[1], -force[2]
+    minus, plus = 2 * i2 - sigma * kappa * c3, 2 * i2 + sigma * kappa * c3
+    w1, alpha_rate, beta_rate = w[0], w[1] + w[2], sigma * (w[2] - w[1])
+    along2 = m_3 - m_2 - weight2 * c2 + x2 * w1**2
+    along3 = -m_3 - weight3 * c23 + x3 * w1**2
+    f_alpha, f_beta = along2 + kappa * s3 * beta_rate**2 / 2, along3 - kappa * s3 * alpha_rate**2 / 2
+    w_rate = [
+        (m_1 - 2 * w1 * (x2 * alpha_rate + x3 * beta_rate)) / g11,
+        (f_alpha - sigma * f_beta) / minus,
+        (f_alpha + sigma * f_beta) / plus,
+    ]
+    mixed = kappa * s3 * alpha_rate * beta_rate / 2
+    n_alpha, n_beta = along2 + mixed, along3 - mixed
+    p_rate = [m_1, n_alpha - sigma * n_beta, n_alpha + sigma * n_beta]
+    energy = p[0] ** 2 / (2 * g11) + p[1] ** 2 / (2 * minus) + p[2] ** 2 / (2 * plus) + weight2 * s2 + weight3 * s23
+    q_rate = np.array([w1, alpha_rate, beta_rate - alpha_rate])
+    return q_rate, np.array(w_rate), np.array(p_rate), energy, (g11, minus, plus)

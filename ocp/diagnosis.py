@@ -1,0 +1,212 @@
+"""What is wrong with a problem or a failed solve, in words: where, how much, and what to try."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from ocp.guess import Guess, ends
+from ocp.problem import Fixed, Free, Problem, Where
+from ocp.solution import Solution, Status
+from ocp.system import Label
+from ocp.verification import excess
+
+if TYPE_CHECKING:
+    from ocp.sequence import Sequence
+
+Array = np.ndarray
+NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
+NAMED = 3  # findings listed at most
+
+
+def contradictions(problem: Problem | Sequence) -> Iterator[str]:
+    """Yield what no motion can meet: limits that exclude each other, ends outside the limits."""
+    for phase in _phases(problem):
+        system = phase.system
+        for kind, symbols in (("x", system.x), ("u", system.u), ("p", system.p)):
+            labels = _labels(phase, kind, symbols)
+            low, high = phase.limits(Where.ALONG, symbols)
+            for label, a, b in zip(labels, low, high, strict=True):
+                if a > b:
+                    yield f"the limits of {label.name} along the motion exclude each other: at least {a:.6g}, at most {b:.6g} {label.unit}; loosen one"
+            if kind != "x":
+                continue
+            for where in (Where.START, Where.END):
+                first, last = phase.limits(where, symbols)
+                for label, a, b, under, over in zip(labels, low, high, first, last, strict=True):
+                    if under > over:
+                        yield f"{label.name} shall be {under:.6g} and {over:.6g} {label.unit} at the {where.value}; keep one"
+                    elif a <= b and (under > b or over < a):
+                        value, limit = (under, b) if under > b else (over, a)
+                        side = "above" if under > b else "below"
+                        yield (
+                            f"{label.name} is {value:.6g} {label.unit} at the {where.value}, {side} its limit of {limit:.6g} "
+                            f"by {abs(value - limit):.3g} {label.unit}; move the {where.value} inside or widen the limit"
+                        )
+        yield from _ends_outside(phase)
+
+
+def _ends_outside(phase: Problem) -> Iterator[str]:
+    """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state."""
+    system = phase.system
+    p = ca.DM(list(system.nominal.values()))
+    states = [c for c in phase.subject_to if c.where is Where.ALONG and not ca.depends_on(c.expression, system.u)]
+    if not states or ca.symvar(ca.vertcat(*(c.expression for c in states))) == []:
+        return
+    first, last, fixed = ends(phase, p)
+    for where, x, whole in ((Where.START, first, fixed[0]), (Where.END, last, fixed[1])):
+        if not whole:
+            continue
+        for constraint in states:
+            value = np.array(ca.Function("c", [system.x, system.p], [constraint.expression])(x, p)).ravel()
+            beyond = np.maximum(constraint.lower - value, value - constraint.upper)
+            for label, amount, got in zip(phase.labels(constraint), beyond, value, strict=True):
+                simple_ = constraint.expression.is_symbolic()
+                if amount > 1e-9 * max(1.0, abs(got)) and not simple_ and label.name not in _state_names(phase):
+                    yield (
+                        f"{label.name} is {got:.6g} {label.unit} at the {where.value} and breaks its limit along the "
+                        f"motion by {amount:.3g}; move the {where.value} or the limit"
+                    )
+
+
+def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> list[str]:
+    """Return what speaks against a motion without excluding it: a control too weak to hold an end at rest."""
+    found = []
+    for phase, numbers in zip(_phases(problem), values, strict=True):
+        system, p = phase.system, ca.DM(list(numbers))
+        low, high = phase.limits(Where.ALONG, system.u)
+        slope = ca.densify(ca.jacobian(system.rate, system.u))
+        function = ca.Function("hold", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
+        first, last, fixed = ends(phase, p)
+        for words, x, whole in (("start", first, fixed[0]), ("end", last, fixed[1])):
+            f, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
+            if not whole or not len(low) or not (np.all(np.isfinite(f)) and np.all(np.isfinite(b))):
+                continue
+            u = np.linalg.lstsq(b, -f.ravel(), rcond=None)[0]
+            if np.max(np.abs(f.ravel() + b @ u), initial=0.0) > 1e-6 * max(1.0, float(np.max(np.abs(f)))):
+                continue  # not a place of rest
+            for label, need, a, c in zip(system.label("u", len(u)), u, low, high, strict=True):
+                if need < a * (1 + 1e-9) - 1e-12 or need > c * (1 + 1e-9) + 1e-12:
+                    limit = a if need < a else c
+                    found.append(
+                        f"{label.name} cannot hold the {words}: {need:.4g} {label.unit} are needed at rest, the limit "
+                        f"is {limit:.4g}; raise the limit above {abs(need):.4g} {label.unit} or move the {words}"
+                    )
+    return found
+
+
+def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[list[float]]) -> Iterator[str]:
+    """Yield which rate, limit or cost is not finite on the guess, where, and on which states it depends."""
+    for phase, guess, numbers in zip(_phases(problem), guesses, values, strict=True):
+        system = phase.system
+        named = [(f"d{label.name}/dt", system.rate[i]) for i, label in enumerate(_labels(phase, "x", system.x))]
+        for constraint in phase.subject_to:
+            labels = phase.labels(constraint)
+            named += [(label.name, constraint.expression[i]) for i, label in enumerate(labels)]
+        named.append(("the running cost", phase.minimise.running))
+        everything = ca.vertcat(*(expression for _, expression in named))
+        function = ca.Function("all", [system.x, system.u, system.p], [ca.densify(everything)]).map(len(guess.share))
+        p = np.tile(np.array(numbers, dtype=float)[:, None], len(guess.share))
+        found = np.array(function(guess.x.T, guess.u.T, p))
+        bad = np.argwhere(~np.isfinite(found.T))
+        if not len(bad):
+            continue
+        place, i = bad[0]
+        name, expression = named[i]
+        names = {
+            s.element_hash(): label
+            for s, label in zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), strict=True)
+        }
+        at = [
+            f"{names[s.element_hash()].name} = {guess.x[place, list(names).index(s.element_hash())]:.6g}"
+            for s in ca.symvar(expression)
+            if s.element_hash() in names
+        ]
+        yield (
+            f"{name} is {found[i, place]} at {guess.share[place]:.3g} of the first guess"
+            f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this place, or a model without "
+            "the singularity"
+        )
+
+
+def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
+    """Return in words why a solve failed: the worst limits and equations of its last iterate, and what to try."""
+    status = solutions[0].status
+    found: list[tuple[float, str]] = []
+    for number, solution in enumerate(solutions):
+        phase = f" in phase {number + 1}" if len(solutions) > 1 else ""
+        found += _worst(solution, phase)
+    found.sort(key=lambda pair: -pair[0])
+    sentences = [words for _, words in found[:NAMED]]
+    problems = [solution.problem for solution in solutions if solution.problem is not None]
+    for problem, numbers in zip(problems, values, strict=True):
+        sentences += warnings_before(problem, [numbers])
+    return sentences + _remedies(status, problems, bool(found))
+
+
+def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
+    problem = solution.problem
+    if problem is None or not np.all(np.isfinite(solution.states)) or solution.duration <= 0.0:
+        return []
+    found = []
+    for share, figure in excess(solution, problem):
+        if share > NOTICEABLE:
+            kind = {"start limit": "misses its start value", "end limit": "misses its end value"}
+            words = kind.get(figure.scale, "is beyond its limit")
+            found.append(
+                (share, f"{figure.what} {words} by {float(figure):.3g} {figure.unit} at t = {figure.at:.4g} s{phase}")
+            )
+    system = problem.system
+    t, x, rate, u = solution.samples(solution.scheme.points)
+    p = np.array([solution.values[name] for name in system.nominal])[:, None]
+    function = ca.Function("f", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
+    left = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T) * solution.duration
+    left[~np.isfinite(left)] = np.inf
+    size = np.maximum(np.max(np.abs(x), axis=0), 1e-12)
+    k, i = np.unravel_index(np.argmax(left / size), left.shape)
+    if left[k, i] / size[i] > NOTICEABLE:
+        label = system.label("x", x.shape[1])[i]
+        amount = left[k, i] / solution.duration
+        unit = f"{label.unit}/s" if label.unit else "per s"
+        found.append(
+            (
+                left[k, i] / size[i],
+                f"the motion breaks d{label.name}/dt = f by {amount:.3g} {unit} at t = {t[k]:.4g} s{phase}",
+            )
+        )
+    return found
+
+
+def _remedies(status: Status, problems: list[Problem], violated: bool) -> list[str]:
+    if status is Status.UNBOUNDED:
+        return [
+            "try an upper limit of the duration, Free(guess, upper=...), limits on the states, or a cost bounded below"
+        ]
+    if status is Status.INFEASIBLE:
+        if any(isinstance(problem.horizon, Fixed) for problem in problems):
+            return ["try a longer duration: with Free() and minimise time the same limits show the shortest one"]
+        return ["try wider limits, or a guess nearer to a feasible motion"]
+    if status is Status.LIMIT:
+        free = any(isinstance(problem.horizon, Free) for problem in problems)
+        return [
+            "try more iterations (Ipopt(max_iter=...)), a coarser grid first"
+            + (", or a better guess of the duration" if free else "")
+        ]
+    return ["try another guess or a coarser grid"] if violated else []
+
+
+def _labels(phase: Problem, kind: str, symbols: ca.SX) -> tuple[Label, ...]:
+    if kind == "p":
+        return tuple(Label(name) for name in phase.system.nominal)
+    return phase.system.label(kind, symbols.numel())
+
+
+def _state_names(phase: Problem) -> set[str]:
+    return {label.name for label in _labels(phase, "x", phase.system.x)}
+
+
+def _phases(problem: Problem | Sequence) -> tuple[Problem, ...]:
+    return (problem,) if isinstance(problem, Problem) else problem.problems

@@ -1,0 +1,165 @@
+"""IPOPT: its settings, its progress and its words. The only file that calls nlpsol."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ocp.solution import Status
+
+Array = np.ndarray
+
+STATUS = {
+    "Solve_Succeeded": Status.SOLVED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.ACCEPTABLE,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Diverging_Iterates": Status.UNBOUNDED,
+    "Maximum_Iterations_Exceeded": Status.LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.LIMIT,
+    "Maximum_WallTime_Exceeded": Status.LIMIT,
+    "User_Requested_Stop": Status.STOPPED,
+}
+QUIET_SECONDS = 2.0  # a shorter solve shows no progress
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """Settings of IPOPT.
+
+    Args:
+        tol: on the scaled programme.
+        max_iter: limit of iterations of one attempt.
+        max_seconds: limit of wall-clock time of one attempt [s].
+        scaled: scale unknowns by limits, ranges and the guess of the duration.
+        progress: show iterations on the terminal during long solves; None: if standard error is one.
+        print_level: of IPOPT's own log, 0 (silent) to 12.
+        extra: further IPOPT options by their own names, taken verbatim.
+    """
+
+    tol: float = 1e-9
+    max_iter: int = 1000
+    max_seconds: float = 1e6
+    scaled: bool = True
+    progress: bool | None = None
+    print_level: int = 0
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("tol", "max_iter", "max_seconds"):
+            value = getattr(self, name)
+            if isinstance(value, bool | str) or not value > 0:
+                raise ValueError(f"Ipopt: {name} is {value!r}, expected a number > 0")
+
+    def options(self, warm: bool) -> dict[str, Any]:
+        """Return the options for nlpsol; CasADi's own and IPOPT's are kept apart."""
+        ipopt: dict[str, Any] = {
+            "tol": self.tol,
+            "max_iter": int(self.max_iter),
+            "max_wall_time": float(self.max_seconds),
+            "print_level": self.print_level,
+            "sb": "yes",
+            "mu_strategy": "monotone",
+            # Limits are what the user said, not 1e-8 more.
+            "bound_relax_factor": 0.0,
+            "honor_original_bounds": "yes",
+        }
+        if warm:
+            # A good guess must not be pushed away from the limits it lies on.
+            ipopt |= {"mu_init": 1e-3, "bound_push": 1e-4, "bound_frac": 1e-4}
+        ipopt |= self.extra
+        quiet = dict.fromkeys(("print_time", "error_on_fail", "calc_lam_p", "calc_lam_x", "calc_f", "calc_g"), False)
+        return {"ipopt": ipopt, **quiet, "record_time": True, "no_nlp_grad": True}
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What IPOPT returned."""
+
+    z: Array  # (nz,)
+    multipliers: Array  # (ng,)
+    cost: float
+    status: Status
+    verbatim: str
+    iterations: int
+    derivatives: float  # seconds in CasADi functions
+    seconds: float  # wall clock of the whole call
+    log: Mapping[str, Sequence[float]]
+
+
+def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool) -> ca.Function:
+    """Return the solver function of a programme.
+
+    Raises:
+        ValueError: IPOPT does not know an option in `extra`.
+    """
+    options = settings.options(warm) | dict(derivatives)
+    shown = settings.progress if settings.progress is not None else sys.stderr.isatty()
+    if shown:
+        options["iteration_callback"] = Progress(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel())
+    try:
+        return ca.nlpsol("solver", "ipopt", dict(nlp), options)
+    except RuntimeError as error:
+        raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
+
+
+def run(function: ca.Function, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array]) -> Answer:
+    """Solve; nothing that IPOPT or an evaluation does raises."""
+    begun = time.perf_counter()
+    low, high, rows_low, rows_high = bounds
+    try:
+        found = function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
+        stats = function.stats()
+        z, multipliers = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
+        cost, verbatim = float(found["f"]), str(stats["return_status"])
+        iterations = int(stats.get("iter_count", 0))
+    except (RuntimeError, KeyboardInterrupt) as error:
+        stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
+        stats, z, multipliers, cost, iterations = {}, z0, np.zeros(len(rows_low)), np.nan, 0
+        verbatim = "User_Requested_Stop" if stopped else f"error: {str(error).splitlines()[-1]}"
+    if verbatim == "Invalid_Option":
+        raise ValueError("Ipopt: an option in extra has a value that IPOPT does not take; its log names it")
+    seconds = time.perf_counter() - begun
+    derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
+    log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
+    status = STATUS.get(verbatim, Status.FAILED)
+    return Answer(z, multipliers, cost, status, verbatim, iterations, derivatives, seconds, log)
+
+
+class Progress(ca.Callback):  # type: ignore[misc]
+    """Shows iterations, cost and time on standard error once a solve has lasted a while."""
+
+    def __init__(self, nz: int, ng: int, np_: int) -> None:
+        ca.Callback.__init__(self)
+        self._sizes = {"x": nz, "f": 1, "g": ng, "lam_x": nz, "lam_g": ng, "lam_p": np_}
+        self._begun = self._shown = time.perf_counter()
+        self._count = 0
+        self.construct("progress", {})
+
+    def get_n_in(self) -> int:
+        """Return the number of inputs, those of a solver's results."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """Return the number of outputs."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """Return the shape of input i."""
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+
+    def eval(self, arg: Sequence[ca.DM]) -> list[int]:
+        """Show a line, at most twice a second."""
+        now = time.perf_counter()
+        self._count += 1
+        if now - self._begun > QUIET_SECONDS and now - self._shown > 0.5:
+            self._shown = now
+            line = f"  iteration {self._count}, cost {float(arg[1]):.6g}, {now - self._begun:.0f} s"
+            print(f"\r{line:60s}", end="", file=sys.stderr, flush=True)
+        return [0]
