@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
+SHRUNK = 1e-6  # of the guessed duration
 NAMED = 3  # findings listed at most
 
 
@@ -144,7 +145,22 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
     problems = [solution.problem for solution in solutions if solution.problem is not None]
     for problem, numbers in zip(problems, values, strict=True):
         sentences += warnings_before(problem, [numbers])
+    if solutions[0].rung == "given guess":
+        sentences.append("without a guess, the default ladder makes its own")
     return sentences + _remedies(status, problems, bool(found))
+
+
+def remarks(solutions: list[Solution]) -> list[str]:
+    """Return what is worth saying of a solved problem: a duration that shrank to its lower limit."""
+    found = []
+    for solution in solutions:
+        horizon = solution.problem.horizon if solution.problem is not None else None
+        if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
+            found.append(
+                f"the duration is at its lower limit of {horizon.lower:g} s; start and goal coincide, or nothing "
+                "keeps the motion from being that short"
+            )
+    return found
 
 
 def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 PLACES = 11  # at which the controls of a straight line are balanced
 SMOOTH_PLACES = 61  # of a smooth motion
-STRETCHES = tuple(2.0 ** (k / 2.0) for k in range(-4, 17))  # of the guessed duration, a quarter to 256 times
+STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
+FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
 ITERATIONS = 30  # of Gauss-Newton for the states at the ends
 
 
@@ -95,8 +96,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 
     The states that the controls reach last (positions, as a rule) run along a quintic, or a septic if more than two
     integrations lie between; the states before them are found place by place from x' = f(x, u), and the controls
-    last. The duration is the shortest of a geometric series around the guessed one that keeps the controls within
-    their limits.
+    last. A free duration is lengthened from a quarter of the guessed one until the controls keep their limits.
 
     Args:
         problem: the problem.
@@ -106,24 +106,27 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     first, last, _ = ends(problem, p)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     layers = _layers(problem)
-    best: Guess | None = None
-    least = np.inf
-    for factor in STRETCHES if isinstance(problem.horizon, Free) else (1.0,):
-        duration = _duration(problem) * factor
+    duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
+    best, least = straight_line(problem, values), np.inf
+    for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, first, last, duration, layers, p)
-        beyond = float(np.max(np.maximum(low - guess.u, guess.u - high) / _range(low, high), initial=0.0))
-        if beyond < least:
-            best, least = guess, beyond
-        if beyond <= 0.0:
+        used = _use(guess.u, low, high)
+        if used < least:
+            best, least = guess, used
+        if used <= 1.0:
             break
-    if best is None:
-        return straight_line(problem, values)
-    return Guess(best.share, best.x, np.clip(best.u, low, high), best.duration, best.free)
+        # Accelerations fall with the square of the duration.
+        duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), LONGEST)
+    return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)
 
 
-def _range(low: Array, high: Array) -> Array:
+def _use(u: Array, low: Array, high: Array) -> float:
+    """Return the largest share of its range that a control uses, 1 for a control at its limit."""
     both = np.isfinite(low) & np.isfinite(high) & (high > low)
-    return np.where(both, np.where(both, high, 1.0) - np.where(both, low, 0.0), 1.0)
+    if not both.any() or not np.all(np.isfinite(u)):
+        return 0.0 if np.all(np.isfinite(u)) else np.inf
+    middle, half = (low[both] + high[both]) / 2.0, (high[both] - low[both]) / 2.0
+    return float(np.max(np.abs(u[:, both] - middle) / half))
 
 
 def _duration(problem: Problem) -> float:

@@ -69,6 +69,8 @@ class Ipopt:
             # Limits are what the user said, not 1e-8 more.
             "bound_relax_factor": 0.0,
             "honor_original_bounds": "yes",
+            # Unknowns are scaled to about one; such values mean that something has no bound.
+            "diverging_iterates_tol": 1e10,
         }
         if warm:
             # A good guess must not be pushed away from the limits it lies on.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ocp.grid import Grid
 from ocp.guess import Guess, chain, smooth, straight_line
-from ocp.problem import Constraint, Problem, Where, simple
+from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, Where, simple
 from ocp.sequence import Sequence
 from ocp.solution import Status
 from ocp.solver import Outcome, Prepared, as_guesses, parameter_values, phases, prepare
@@ -140,7 +140,21 @@ def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcom
     if best is None:
         guesses = chain(prepared.problem, numbers, straight_line)
         return prepared.attempt(guesses, numbers, rung="StraightLine")
-    return replace(best, message=f"{best.message} (guesses tried: {', '.join(tried)})")
+    advice = _shortest(prepared, values) if isinstance(prepared.problem, Problem) else ""
+    return replace(best, message=f"{best.message}{advice} (guesses tried: {', '.join(tried)})")
+
+
+def _shortest(prepared: Prepared, values: Values) -> str:
+    """Return, for a fixed duration that is too short, what the shortest motion within the same limits takes."""
+    problem, programme = prepared.problem, prepared.joint.programmes[0]
+    if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
+        return ""
+    asked = problem.horizon.duration
+    fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
+    found = prepare(fastest, programme.scheme, programme.grid, prepared.settings, values=values)((Smooth(),), values)
+    if not found.ok or found.duration <= asked:
+        return ""
+    return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"
 
 
 def _infeasibility(outcome: Outcome) -> float:

@@ -82,31 +82,33 @@ class Constraint:
     expression: ca.SX  # (m,)
     lower: np.ndarray  # (m,)
     upper: np.ndarray  # (m,)
+    name: str = ""  # what messages call it; empty for the name of the signal it is
 
 
 Limit = float | Sequence[float] | np.ndarray | None
 
 
-def start(expression: ca.SX, lower: Limit, upper: Limit = None) -> Constraint:
+def start(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
     """Constrain an expression at t = 0.
 
     Args:
         expression: (m,) a signal of the system, or any expression in x, u, p.
         lower: (m,) or scalar; the value itself if `upper` is not given.
         upper: (m,) or scalar.
+        name: what messages call it.
 
     Raises:
         ValueError: sizes disagree, NaN, lower > upper.
     """
-    return _constraint(Where.START, expression, lower, lower if upper is None else upper)
+    return _constraint(Where.START, expression, lower, lower if upper is None else upper, name)
 
 
-def end(expression: ca.SX, lower: Limit, upper: Limit = None) -> Constraint:
+def end(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
     """Constrain an expression at t = T; arguments as for `start`."""
-    return _constraint(Where.END, expression, lower, lower if upper is None else upper)
+    return _constraint(Where.END, expression, lower, lower if upper is None else upper, name)
 
 
-def along(expression: ca.SX, lower: Limit = None, upper: Limit = None) -> Constraint:
+def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
     """Constrain an expression along the whole motion.
 
     A component that is one symbol of x or u becomes a bound of unknowns, one of p makes that parameter an unknown.
@@ -114,11 +116,12 @@ def along(expression: ca.SX, lower: Limit = None, upper: Limit = None) -> Constr
     Args:
         expression: (m,) a signal of the system, or any expression in x, u, p.
         lower, upper: (m,) or scalar; None (or infinite) for no limit.
+        name: what messages call it.
 
     Raises:
         ValueError: sizes disagree, NaN, lower > upper.
     """
-    return _constraint(Where.ALONG, expression, lower, upper)
+    return _constraint(Where.ALONG, expression, lower, upper, name)
 
 
 def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
@@ -173,11 +176,22 @@ class Problem:
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
         """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
         system, size = self.system, constraint.expression.numel()
-        named = {"x": system.x, "u": system.u, **dict(system.signals)}
-        for name, signal in reversed(named.items()):
-            if signal.shape == constraint.expression.shape and ca.is_equal(signal, constraint.expression, 2):
-                return system.label(name, size)
-        return system.label("expression", size)
+        if constraint.name:
+            return (
+                (Label(constraint.name),)
+                if size == 1
+                else tuple(Label(f"{constraint.name}_{c + 1}") for c in range(size))
+            )
+        known = [
+            (signal[i], label)
+            for name, signal in {**system.signals, "x": system.x, "u": system.u}.items()
+            for i, label in enumerate(system.label(name, signal.numel()))
+        ]
+        found = []
+        for c, component in enumerate(ca.vertsplit(constraint.expression)):
+            same = (label for signal, label in known if ca.is_equal(signal, component, 2))
+            found.append(next(same, Label("a limited expression" if size == 1 else f"limited expression {c + 1}")))
+        return tuple(found)
 
     def limits(self, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
         """Return the lower and upper limits that simple components of constraints put on symbols.
@@ -208,7 +222,7 @@ def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
     ]
 
 
-def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit) -> Constraint:
+def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "") -> Constraint:
     name = where.value
     if not isinstance(expression, ca.SX):
         raise TypeError(f"{name}: got {expression!r}, expected an expression such as system['q']")
@@ -222,7 +236,7 @@ def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit) -> 
         )
     if np.any(low == np.inf) or np.any(high == -np.inf):
         raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {expression}")
-    return Constraint(where, column, low, high)
+    return Constraint(where, column, low, high, called)
 
 
 def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np.ndarray:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme, radau
-from ocp.diagnosis import contradictions, explain, not_finite
+from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, chain, smooth
 from ocp.ipopt import Answer, Ipopt, build, run
@@ -147,7 +147,8 @@ class Prepared:
                     answer.log,
                 )
             )  # fmt: skip
-        reasons = reasons or ([] if answer.status is Status.SOLVED else explain(solutions, values))
+        if not reasons:
+            reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
         message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
@@ -224,7 +225,9 @@ def solve(
     Raises:
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: see status and message.
     """
-    return prepare(problem, scheme, grid, solver, guess, values)(guess, values)
+    found = prepare(problem, scheme, grid, solver, guess, values)(guess, values)
+    doubts = warnings_before(problem, parameter_values(problem, values)) if found.ok else []
+    return replace(found, message="; ".join([f"{found.message}; but", *doubts])) if doubts else found
 
 
 def phases(problem: Problem | Sequence) -> tuple[Problem, ...]:

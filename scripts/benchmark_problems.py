@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,7 @@ from time_optimal import TASKS
 
 from models.effects import Gravity
 from models.forms import canonical
-from ocp import Bolza, Fixed, Free, Problem, Scheme, System, along, end, start, straight_line, uniform
+from ocp import Bolza, Fixed, Free, Guess, Ipopt, Problem, System, along, end, radau, smooth, start, uniform
 from ocp.scaling import from_limits
 
 Array = np.ndarray
@@ -56,14 +57,16 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """Starting point and magnitudes, given to every contender that takes them."""
+    """Starting point, magnitudes and settings, given to every contender that takes them."""
 
-    x: Array  # (N, m, nx) states at places of every element
-    u: Array  # (N, nu) one control of every element
+    guess: Guess
+    x: Array  # (N, m, nx) the guess at the nodes of every element
+    u: Array  # (N, nu) in the middle of every element
     duration: float  # [s]
     x_scale: Array  # (nx,)
     u_scale: Array  # (nu,)
     duration_scale: float  # [s]
+    ipopt: dict[str, Any]  # IPOPT's options by their own names
 
 
 @dataclass(frozen=True)
@@ -87,19 +90,21 @@ class Outcome:
         return float("nan") if self.setup_only or self.note else float(np.nansum(parts))
 
 
-def numbers(case: Case, elements: int, scheme: Scheme) -> Numbers:
-    """Return the first guess at the nodes of a scheme on a uniform grid, and the magnitudes that this project takes."""
-    problem, grid = case.problem(), uniform(elements)
-    guess = straight_line(problem, [])
+def numbers(case: Case, elements: int, settings: Ipopt) -> Numbers:
+    """Return what this project starts from on a uniform grid with Radau of degree 3, as numbers."""
+    problem, grid, scheme = case.problem(), uniform(elements), radau(3)
+    guess = smooth(problem, [])
     scaling = from_limits(problem, guess, [], np.zeros(0, dtype=int))
     starts, widths = grid.ends[:-1, None], grid.widths[:, None]
     return Numbers(
+        guess,
         guess.state(starts + widths * scheme.nodes),
         guess.control(starts + widths * 0.5)[:, 0],
         guess.duration,
         scaling.x,
         scaling.u,
-        scaling.horizon if case.free else 1.0,
+        scaling.horizon,
+        dict(settings.options(warm=False)["ipopt"]),
     )
 
 

@@ -24,10 +24,6 @@ Array = np.ndarray
 DEGREE = 3
 Parts = tuple[dict[str, Any], dict[str, ca.Function]]  # the programme, and derivative functions if there are any
 
-IPOPT = {
-    "tol": 1e-9, "max_iter": 3000, "print_level": 0, "sb": "yes", "mu_strategy": "monotone",
-    "bound_relax_factor": 0.0, "honor_original_bounds": "yes",
-}  # fmt: skip
 NLPSOL = {
     "print_time": False, "error_on_fail": False, "record_time": True, "no_nlp_grad": True,
     "calc_lam_p": False, "calc_lam_x": False, "calc_f": False, "calc_g": False,
@@ -56,7 +52,7 @@ def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, s
     n = len(given.u)
     element = describe(case, given, n)
     programme, functions = derive(element, n)
-    solver = ca.nlpsol("solver", "ipopt", programme, {"ipopt": IPOPT, **NLPSOL, **functions})
+    solver = ca.nlpsol("solver", "ipopt", programme, {"ipopt": given.ipopt, **NLPSOL, **functions})
     z0, low, high = point_and_bounds(case, given, element)
     started = time.perf_counter()
     if not solve_too:
@@ -123,7 +119,7 @@ def point_and_bounds(case: Case, given: Numbers, element: Element) -> tuple[Arra
                 low[places[which]] = high[places[which]] = np.asarray(values) / given.x_scale[which]
     if case.free:
         z0[-1], low[-1] = given.duration / given.duration_scale, 0.0
-    return z0, low, high
+    return np.clip(z0, low, high), low, high
 
 
 def by_elements(element: Element, n: int) -> Parts:

@@ -41,8 +41,8 @@ def cops():
         "COPS robot arm",
         _cops_task(system(x, u, rate, q=x[:3], v=x[3:])),
         optimum,
-        "Dolan, More, Munson, COPS 3.0, problem 8; https://github.com/MadNLP/COPSBenchmark.jl (9.14138 at 200 intervals, "
-        "9.14093620 by MAPTOR); digits by switching-time optimisation with order-12 Gauss collocation",
+        "COPS; https://github.com/MadNLP/COPSBenchmark.jl; 9.14138 on 200 intervals in https://github.com/OpenMDAO/dymos,"
+        " examples/robot_arm; digits by switching-time optimisation with order-12 Gauss collocation",
         ((optimum / 4, 3 * optimum / 4), (optimum / 2,), (2.796043210014, 6.344868535907)),
     )
 
@@ -102,7 +102,7 @@ def bryson_denham(limit):
     axis = system(x, u, ca.vertcat(x[1], u))
     problem = Problem(axis, Fixed(1.0), Bolza(running=u**2 / 2), (*bounce, along(x[0], upper=limit)))
     cost = 4 / (9 * limit) if limit <= 1 / 6 else 2 + 6 * (1 - 4 * min(limit, 1 / 4)) ** 2
-    return Known(f"Bryson-Denham, l = {limit}", problem, cost, f"Bryson, Ho, Applied Optimal Control, 3.11; {DYMOS}")
+    return Known(f"Bryson-Denham, l = {limit}", problem, cost, f"Breakwell, Bryson, Denham; {DYMOS}")
 
 
 def brachistochrone():
@@ -134,7 +134,7 @@ def crane():
         "container crane",
         Problem(trolley, Fixed(9.0), cost, (*ends, *limits)),
         0.0375195,
-        f"Augustin, Maurer, Sensitivity analysis and real-time control of a container crane, 2001; {MAPTOR}",
+        f"Augustin, Maurer; {MAPTOR}",
     )
 
 
@@ -148,7 +148,7 @@ def cart_pole():
     ends = start(x, 0), end(x, [1, pi, 0, 0])
     limits = along(u, -20, 20), along(x[0], -2, 2)
     problem = Problem(system(x, u, ca.vertcat(x[2:], push, turn)), Fixed(2.0), Bolza(running=u**2), (*ends, *limits))
-    source = f"Kelly, SIAM Review 59 (2017) 849; {DYMOS}: 58.8839 with F(T) = 0, to 1e-3; digits by Radau 3 on 200"
+    source = f"Kelly, SIAM Review 59 (2017); {DYMOS}: 58.8839 with F(T) = 0, to 1e-3; digits by Radau 3 on 200"
     return Known("cart-pole", problem, 58.80768, source)
 
 
