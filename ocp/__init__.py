@@ -6,6 +6,7 @@ from ocp.grid import Grid, given, uniform
 from ocp.guess import Guess, smooth, straight_line
 from ocp.ipopt import Ipopt
 from ocp.ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
+from ocp.optima import Optimum, multistart
 from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, along, end, periodic, start
 from ocp.region import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.sequence import Sequence, SequenceSolution
@@ -19,9 +20,9 @@ from ocp.verification import Report, verify
 
 __all__ = [
     "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cylinder", "Fixed", "Free", "Grid", "Guess",
-    "HalfSpace", "Ipopt", "Label", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
+    "HalfSpace", "Ipopt", "Label", "Optimum", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
     "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "System", "Timings", "Trajectory",
-    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "outside", "periodic",
+    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "multistart", "outside", "periodic",
     "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
     "time_derivative", "uniform", "verify",
 ]  # fmt: skip

@@ -109,7 +109,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best, least = straight_line(problem, values), np.inf
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
-        guess = _follow(problem, first, last, duration, layers, p)
+        guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p)
         used = _use(guess.u, low, high)
         if used < least:
             best, least = guess, used
@@ -118,6 +118,37 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
         # Accelerations fall with the square of the duration.
         duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), LONGEST)
     return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)
+
+
+def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
+    """Return a smooth motion between the ends that strays from the straight one, for a search of other optima.
+
+    The last layer of states is displaced by a bump of random size within its limits (half its range in the smooth
+    motion and a bit more where it has none), the duration by a random factor of about 1.5.
+
+    Args:
+        problem: the problem.
+        values: of the parameters.
+        random: generator.
+    """
+    p = ca.DM(list(values))
+    first, last, _ = ends(problem, p)
+    layers = _layers(problem)
+    path = _path(first, last, len(layers))
+    low, high = problem.limits(Where.ALONG, problem.system.x)
+    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    for i in layers[-1] if layers else []:
+        reach = high[i] - low[i] if np.isfinite(high[i] - low[i]) else 1.0 + np.ptp(path[:, i])
+        bump = np.zeros(SMOOTH_PLACES)
+        for order in (2, 4):  # one or two humps, with value and slope zero at both ends
+            bump += random.uniform(-0.5, 0.5) * np.sin(np.pi * share) ** 2 * np.cos((order - 2) * np.pi * share / 2.0)
+        path[:, i] = np.clip(path[:, i] + reach * bump, low[i], high[i])
+    factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
+    duration = smooth(problem, values).duration * float(factor)
+    guess = _follow(problem, path, duration, layers, p)
+    controls = problem.limits(Where.ALONG, problem.system.u)
+    u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
+    return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
 
 
 def _use(u: Array, low: Array, high: Array) -> float:
@@ -151,13 +182,19 @@ def _layers(problem: Problem) -> list[Array]:
     return layers
 
 
-def _follow(problem: Problem, first: Array, last: Array, duration: float, layers: list[Array], p: ca.DM) -> Guess:
-    system, share = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES)
-    if len(layers) > 2:
+def _path(first: Array, last: Array, layers: int) -> Array:
+    """Return a path (K, nx) between two states: a quintic, or a septic for more than two integrations."""
+    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    if layers > 2:
         step = share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
     else:
         step = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    x = first + step[:, None] * (last - first)
+    return np.asarray(first + step[:, None] * (last - first))
+
+
+def _follow(problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM) -> Guess:
+    """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
+    system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
     still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
     slopes = ca.densify(ca.jacobian(system.rate, system.x))
     function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slopes]).map(len(share))

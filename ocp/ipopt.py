@@ -44,7 +44,7 @@ class Ipopt:
     """
 
     tol: float = 1e-9
-    max_iter: int = 1000
+    max_iter: int = 500
     max_seconds: float = 1e6
     scaled: bool = True
     progress: bool | None = None

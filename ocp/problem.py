@@ -173,6 +173,13 @@ class Problem:
         if ca.depends_on(self.minimise.final, self.system.u):
             raise ValueError("Bolza: final depends on the control, which has no value at one instant; use running")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        system, cost = self.system, self.minimise
+        expressions = [cost.running, cost.final, *(c.expression for c in self.subject_to)]
+        function = ca.Function("problem", [system.x, system.u, system.p], expressions)
+        limits = [(c.where, c.lower, c.upper, c.name) for c in self.subject_to]
+        return rebuild, (system, self.horizon, cost.time, function, limits)
+
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
         """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
         system, size = self.system, constraint.expression.numel()
@@ -254,3 +261,27 @@ def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np
 def _positive(name: str, value: float) -> None:
     if isinstance(value, bool | str) or not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value!r}, expected a number of seconds > 0")
+
+
+def rebuild(
+    system: System,
+    horizon: Free | Fixed,
+    time: float,
+    function: ca.Function,
+    limits: Sequence[tuple[Where, np.ndarray, np.ndarray, str]],
+) -> Problem:
+    """Return the Problem that a function (x, u, p) -> (running, final, *constraints) stands for.
+
+    Args:
+        system: on whose symbols the expressions are rebuilt.
+        horizon: Free or Fixed.
+        time: weight of the duration.
+        function: as made by pickling a Problem.
+        limits: where, lower, upper and name of every constraint.
+    """
+    running, final, *expressions = function.call([system.x, system.u, system.p])
+    constraints = [
+        Constraint(where, expression, lower, upper, name)
+        for expression, (where, lower, upper, name) in zip(expressions, limits, strict=True)
+    ]
+    return Problem(system, horizon, Bolza(time, running, final), tuple(constraints))

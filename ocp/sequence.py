@@ -47,6 +47,11 @@ class Sequence:
         junctions = tuple(self._junction(one, other) for one, other in pairwise(self.problems))
         object.__setattr__(self, "sides", junctions)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        if not all(isinstance(link, str) for link in self.links):
+            raise TypeError("Sequence: one with links of expressions cannot go to another process; link named signals")
+        return Sequence, (self.problems, self.links)
+
     def _junction(self, one: Problem, other: Problem) -> tuple[ca.SX, ca.SX]:
         pairs = [(one.system[link], other.system[link]) if isinstance(link, str) else link for link in self.links]
         for link, (before, after) in zip(self.links, pairs, strict=True):

@@ -64,6 +64,10 @@ class Prepared:
             return climb(here, DEFAULT if guess is None else tuple(guess), values)
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
 
+    def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
+        """Return the parameter values of every phase, nominal where `values` is silent."""
+        return parameter_values(self.problem, values)
+
     def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
         """Return this programme for other numbers in the problem, or another grid of the same size."""
         programmes = self.joint.programmes
@@ -225,9 +229,14 @@ def solve(
     Raises:
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: see status and message.
     """
-    found = prepare(problem, scheme, grid, solver, guess, values)(guess, values)
-    doubts = warnings_before(problem, parameter_values(problem, values)) if found.ok else []
-    return replace(found, message="; ".join([f"{found.message}; but", *doubts])) if doubts else found
+    prepared = prepare(problem, scheme, grid, solver, guess, values)
+    doubts = warnings_before(problem, prepared.numbers(values))
+    if doubts and guess is None:
+        from ocp.ladder import Smooth, StraightLine
+
+        guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
+    found = prepared(guess, values)
+    return replace(found, message=f"{found.message}; but {'; '.join(doubts)}") if doubts and found.ok else found
 
 
 def phases(problem: Problem | Sequence) -> tuple[Problem, ...]:

@@ -74,6 +74,11 @@ class System:
             if len(labels) != size:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.
+        function = ca.Function("system", [self.x, self.u, self.p], [ca.densify(self.rate), *self.signals.values()])
+        return rebuild, (function, tuple(self.signals), dict(self.nominal), dict(self.labels), self.notes)
+
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p."""
         known = {s.__hash__() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
@@ -109,3 +114,24 @@ class System:
             if not abs(float(value)) < float("inf"):
                 raise ValueError(f"parameter {name!r}: got {value}, expected a finite number")
         return [float(given.get(name, value)) for name, value in self.nominal.items()]
+
+
+def rebuild(
+    function: ca.Function,
+    names: tuple[str, ...],
+    nominal: Mapping[str, float],
+    labels: Mapping[str, tuple[Label, ...]],
+    notes: tuple[str, ...],
+) -> System:
+    """Return the System that a function (x, u, p) -> (rate, *signals) stands for, on new symbols.
+
+    Args:
+        function: as made by pickling a System.
+        names: of the signals.
+        nominal: parameter values.
+        labels: of the signals.
+        notes: sentences.
+    """
+    x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
+    rate, *signals = function.call([x, u, p])
+    return System(x, u, p, rate, dict(zip(names, signals, strict=True)), nominal, labels, notes)

@@ -9,6 +9,7 @@ Guess and tolerance are ours. Every run is a process of its own, bounded in time
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import multiprocessing
 import os
@@ -24,7 +25,7 @@ import casadi as ca
 import numpy as np
 from benchmark_problems import CASES, Case, Numbers, Outcome, numbers
 
-from ocp import radau
+from ocp import Ipopt
 
 Array = np.ndarray
 Peer = Callable[[Case, Numbers], Outcome]
@@ -76,7 +77,7 @@ def _work(answer: Connection, name: str, problem: str, elements: int) -> None:
         with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
             for count in (WARM_UP, elements):
                 case = CASES[problem]()
-                outcome = PEERS[name](case, numbers(case, count, radau(3)))
+                outcome = PEERS[name](case, numbers(case, count, Ipopt()))
     except Exception as error:  # a peer may fail in any way; the row says how
         outcome = Outcome(note=f"{type(error).__name__}: {' '.join(str(error).split())}"[:60])
     answer.send(outcome)
@@ -85,7 +86,7 @@ def _work(answer: Connection, name: str, problem: str, elements: int) -> None:
 
 def rockit(case: Case, given: Numbers) -> Outcome:
     """Run rockit."""
-    import rockit as tool
+    tool = importlib.import_module("rockit")
 
     system, n = case.system, len(given.u)
     cpu, begun = time.process_time(), time.perf_counter()
@@ -105,7 +106,9 @@ def rockit(case: Case, given: Numbers) -> Outcome:
     path = ca.interpolant("x", "linear", [given.guess.share], given.guess.x.ravel())
     stage.set_initial(x, path(stage.t / given.duration))
     stage.set_initial(u, given.u.T)
-    stage.solver("ipopt", {"ipopt": {"tol": TOLERANCE, "print_level": 0, "sb": "yes"}, "print_time": False, "record_time": True})
+    stage.solver(
+        "ipopt", {"ipopt": {"tol": TOLERANCE, "print_level": 0, "sb": "yes"}, "print_time": False, "record_time": True}
+    )
     stage.method(tool.DirectCollocation(N=n, M=1, degree=3, scheme="radau"))
     solution = stage.solve()
     everything, stats = time.perf_counter() - begun, solution.stats
@@ -118,14 +121,13 @@ def rockit(case: Case, given: Numbers) -> Outcome:
 
 def pyomo(case: Case, given: Numbers) -> Outcome:
     """Run pyomo.dae on shares of the duration; the integral of the cost is one more state."""
-    import pyomo.dae as dae
-    import pyomo.environ as tool
+    dae, tool = importlib.import_module("pyomo.dae"), importlib.import_module("pyomo.environ")
 
     system, n = case.system, len(given.u)
     cpu, begun = time.process_time(), time.perf_counter()
     nx, nu = system.x.numel(), system.u.numel()
     rate = ca.Function("rate", [system.x, system.u], [ca.densify(ca.vertcat(system.rate, case.running))])
-    first, last = given.x[0, 0], given.x[-1, -1]
+    guess = given.guess
     model = tool.ConcreteModel()
     model.s = dae.ContinuousSet(bounds=(0.0, 1.0), initialize=np.linspace(0.0, 1.0, n + 1).tolist())
     model.T = tool.Var(initialize=given.duration, bounds=(0.0, None))
@@ -133,17 +135,19 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
         model.T.fix()
 
     def limits(pair: tuple[Array, Array]) -> Callable[..., tuple[float | None, float | None]]:
-        return lambda _, s, i: tuple(float(side[i]) if np.isfinite(side[i]) else None for side in pair)  # type: ignore
+        low, high = ([float(value) if np.isfinite(value) else None for value in side] for side in pair)
+        return lambda _, s, i: (low[i], high[i])
 
-    model.x = tool.Var(
-        model.s, range(nx), bounds=limits(case.x), initialize=lambda _, s, i: first[i] + s * (last[i] - first[i])
-    )
-    model.u = tool.Var(
-        model.s, range(nu), bounds=limits(case.u), initialize=lambda _, s, i: given.u[min(int(s * n), n - 1), i]
-    )
-    model.J = tool.Var(model.s, initialize=0.0)
-    model.dx, model.dJ = dae.DerivativeVar(model.x, wrt=model.s), dae.DerivativeVar(model.J, wrt=model.s)
-    model.J[0.0].fix(0.0)
+    def start(values: Array) -> Callable[..., float]:
+        return lambda _, s, i: float(np.interp(s, guess.share, values[:, i]))
+
+    model.x = tool.Var(model.s, range(nx), bounds=limits(case.x), initialize=start(guess.x))
+    model.u = tool.Var(model.s, range(nu), bounds=limits(case.u), initialize=start(guess.u))
+    model.dx = dae.DerivativeVar(model.x, wrt=model.s)
+    if not case.free:
+        model.J = tool.Var(model.s, initialize=0.0)
+        model.dJ = dae.DerivativeVar(model.J, wrt=model.s)
+        model.J[0.0].fix(0.0)
     scheme = tool.TransformationFactory("dae.collocation")
     scheme.apply_to(model, nfe=n, ncp=3, scheme="LAGRANGE-RADAU")
     scheme.reduce_collocation_points(model, var=model.u, ncp=1, contset=model.s)
@@ -153,7 +157,8 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
         *derivative, running = replay(rate, [x, u], tool)
         for i, expression in enumerate(derivative):
             model.rows.add(model.dx[s, i] == model.T * expression)
-        model.rows.add(model.dJ[s] == model.T * running)
+        if not case.free:
+            model.rows.add(model.dJ[s] == model.T * running)
     for pins, s in ((case.start, 0.0), (case.end, 1.0)):
         for expression, values in pins:
             pinned = ca.Function("pin", [system.x], [ca.densify(expression)])
@@ -167,7 +172,12 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
         builder = ca.NlpBuilder()
         builder.import_nl(path, {"verbose": False})
     programme = {"x": ca.vertcat(*builder.x), "f": builder.f, "g": ca.vertcat(*builder.g)}
-    options = {"ipopt": {"tol": TOLERANCE, "print_level": 0, "sb": "yes"}, "print_time": False, "record_time": True, "expand": True}
+    options = {
+        "ipopt": {"tol": TOLERANCE, "print_level": 0, "sb": "yes"},
+        "print_time": False,
+        "record_time": True,
+        "expand": True,
+    }
     solver = ca.nlpsol("solver", "ipopt", programme, options)
     resumed = time.process_time()
     result = solver(x0=builder.x_init, lbx=builder.x_lb, ubx=builder.x_ub, lbg=builder.g_lb, ubg=builder.g_ub)
@@ -181,7 +191,7 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
 
 def drake(case: Case, given: Numbers) -> Outcome:
     """Run Drake's DirectCollocation; it does not tell derivatives apart, nor SNOPT its iterations."""
-    import pydrake.all as tool
+    tool = importlib.import_module("pydrake.all")
 
     system, n = case.system, len(given.u)
     cpu, begun = time.process_time(), time.perf_counter()
@@ -212,13 +222,8 @@ def drake(case: Case, given: Numbers) -> Outcome:
     else:
         cost = ca.Function("cost", [system.u], [case.running])
         method.AddRunningCost(replay(cost, [method.input()], tool)[0])
-    times = np.linspace(0.0, given.duration, n + 1)
-    states = given.x[0, 0] + (times / given.duration)[:, None] * (given.x[-1, -1] - given.x[0, 0])
-    controls = np.vstack([given.u, given.u[-1:]])
-    method.SetInitialTrajectory(
-        tool.PiecewisePolynomial.FirstOrderHold(times, controls.T),
-        tool.PiecewisePolynomial.FirstOrderHold(times, states.T),
-    )
+    times, hold = given.guess.share * given.duration, tool.PiecewisePolynomial.FirstOrderHold
+    method.SetInitialTrajectory(hold(times, given.guess.u.T), hold(times, given.guess.x.T))
     started = time.perf_counter()
     result = tool.SnoptSolver().Solve(programme)
     spent = time.perf_counter() - started
@@ -228,7 +233,7 @@ def drake(case: Case, given: Numbers) -> Outcome:
     )
 
 
-def replay(function: ca.Function, arguments: Sequence[Sequence[Any]], words: Any) -> list[Any]:
+def replay(function: ca.Function, arguments: Sequence[Sequence[Any] | Array], words: Any) -> list[Any]:
     """Return the first output of an SX function in the algebra of another tool, which `words` has sin, cos, ... of."""
     called = {ca.OP_SIN: words.sin, ca.OP_COS: words.cos, ca.OP_TAN: words.tan, ca.OP_SQRT: words.sqrt}
     operations = OPERATIONS | called

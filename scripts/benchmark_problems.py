@@ -84,10 +84,14 @@ class Outcome:
     setup_only: bool = False  # the solve was left out
 
     @property
+    def busy(self) -> float:
+        """Seconds of set-up and solve, as far as it came."""
+        return float(np.nansum([self.setup, self.derivatives, self.solver]))
+
+    @property
     def total(self) -> float:
-        """Seconds of set-up and solve."""
-        parts = np.array([self.setup, self.derivatives, self.solver])
-        return float("nan") if self.setup_only or self.note else float(np.nansum(parts))
+        """Seconds of set-up and solve; nan without a result."""
+        return float("nan") if self.setup_only or self.note else self.busy
 
 
 def numbers(case: Case, elements: int, settings: Ipopt) -> Numbers:
@@ -144,9 +148,7 @@ def two_link_arm() -> Case:
     s, c = ca.sin(x[2]), ca.cos(x[2])
     shared = 31.0 / 36.0 + 9.0 / 4.0 * s**2
     first = s * (9.0 / 4.0 * c * x[0] ** 2 + 2.0 * x[1] ** 2) + 4.0 / 3.0 * (u[0] - u[1]) - 3.0 / 2.0 * c * u[1]
-    second = (
-        s * (7.0 / 2.0 * x[0] ** 2 + 9.0 / 4.0 * c * x[1] ** 2) - 7.0 / 3.0 * u[1] + 3.0 / 2.0 * c * (u[0] - u[1])
-    )
+    second = s * (7.0 / 2.0 * x[0] ** 2 + 9.0 / 4.0 * c * x[1] ** 2) - 7.0 / 3.0 * u[1] + 3.0 / 2.0 * c * (u[0] - u[1])
     return Case(
         "P3, Luus two-link arm, minimum time",
         System(x, u, ca.SX(0, 1), ca.vertcat(first / shared, -second / shared, x[1] - x[0], x[0])),

@@ -238,6 +238,8 @@ def errors(scheme, elements):
 @cache
 def measured_orders(name, degree):
     grids = {1: (16, 32, 64, 128), 2: (8, 16, 32, 64)}.get(degree, (8, 16, 32))
+    if (name, degree) == ("radau", 3):
+        grids = (32, 48, 64, 96)  # on coarser ones the error of the cost changes its sign
     found = np.log([errors(MAKERS[name](degree, Control.COLLOCATED), n) for n in grids])
     return dict(zip(("cost", "state", "control", "costate"), -np.polyfit(np.log(grids), found, 1)[0], strict=True))
 
