@@ -31,7 +31,7 @@ class Programme:
     nlp: Mapping[str, ca.MX]  # x, p, f, g
     derivatives: Mapping[str, ca.Function]  # grad_f, jac_g, hess_lag
     defects: Array  # (N, rows, nx) rows of g
-    path: Array  # (N, d, ng) rows of g
+    path: tuple[Array, ...]  # for each path part (N, places) rows of g
     ends: Array  # (nb,) rows of g
     path_parts: tuple[tuple[int, int], ...]  # (constraint, component) of each path row
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
@@ -39,7 +39,7 @@ class Programme:
     @property
     def rows(self) -> int:
         """Number of rows of g."""
-        return self.defects.size + self.path.size + self.ends.size
+        return self.defects.size + sum(rows.size for rows in self.path) + self.ends.size
 
 
 def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
@@ -65,8 +65,8 @@ def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
     rows_low, rows_high = np.zeros(programme.rows), np.zeros(programme.rows)
     for place, (i, c) in enumerate(programme.path_parts):
         constraint = problem.subject_to[i]
-        rows_low[programme.path[:, :, place]] = constraint.lower[c]
-        rows_high[programme.path[:, :, place]] = constraint.upper[c]
+        rows_low[programme.path[place]] = constraint.lower[c]
+        rows_high[programme.path[place]] = constraint.upper[c]
     for place, (i, c, _) in enumerate(programme.ends_parts):
         constraint = problem.subject_to[i]
         rows_low[programme.ends[place]] = constraint.lower[c]

@@ -21,14 +21,15 @@ class Triplets:
     sources: Array
 
     @classmethod
-    def gather(cls, parts: Sequence[tuple[Array, Array | int, float, Array]]) -> Triplets:
-        """Concatenate (rows, columns, coefficient, sources) parts; each is broadcast within its part."""
+    def gather(cls, parts: Sequence[tuple[Array, Array | int, Array | float, Array]]) -> Triplets:
+        """Concatenate (rows, columns, coefficient, sources) parts, each broadcast within itself, without zeros."""
         if not parts:
             empty = np.zeros(0, dtype=np.int64)
             return cls(empty, empty, np.zeros(0), empty)
         same = [np.broadcast_arrays(*part) for part in parts]
         rows, columns, coefficients, sources = (np.concatenate([part[i].ravel() for part in same]) for i in range(4))
-        return cls(rows, columns, coefficients.astype(float), sources)
+        kept = coefficients != 0.0
+        return cls(rows[kept], columns[kept], coefficients[kept].astype(float), sources[kept])
 
 
 def sparsity_of(rows: Array, columns: Array, shape: tuple[int, int]) -> tuple[ca.Sparsity, Array]:

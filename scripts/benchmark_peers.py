@@ -171,14 +171,14 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
         started, cpu = time.perf_counter(), time.process_time() - cpu
         builder = ca.NlpBuilder()
         builder.import_nl(path, {"verbose": False})
-    programme = {"x": ca.vertcat(*builder.x), "f": builder.f, "g": ca.vertcat(*builder.g)}
-    options = {
+    parts: dict[str, Any] = {"x": ca.vertcat(*builder.x), "f": builder.f, "g": ca.vertcat(*builder.g)}
+    options: Any = {
         "ipopt": {"tol": TOLERANCE, "print_level": 0, "sb": "yes"},
         "print_time": False,
         "record_time": True,
         "expand": True,
     }
-    solver = ca.nlpsol("solver", "ipopt", programme, options)
+    solver = ca.nlpsol("solver", "ipopt", parts, options)
     resumed = time.process_time()
     result = solver(x0=builder.x_init, lbx=builder.x_lb, ubx=builder.x_ub, lbg=builder.g_lb, ubg=builder.g_ub)
     stats = solver.stats()

@@ -16,7 +16,7 @@ from ocp import Bolza, Fixed, Free, Guess, Ipopt, Problem, System, along, end, r
 from ocp.scaling import from_limits
 
 Array = np.ndarray
-Pin = tuple[ca.SX, Sequence[float]]  # an expression in the state, and its values
+Pin = tuple[ca.SX, Sequence[float] | Array]  # an expression in the state, and its values
 
 PI = float(np.pi)
 

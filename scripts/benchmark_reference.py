@@ -187,7 +187,9 @@ def by_graph(element: Element, n: int) -> Parts:
     return _whole(element, n, ca.SX.sym("z", element.size)), {}
 
 
-def _whole(element: Element, n: int, z: ca.MX | ca.SX) -> dict[str, Any]:
+def _whole(element: Element, n: int, z: Any) -> dict[str, Any]:
+    defects: Any
+    cost: Any
     inside = ca.Function("element", [element.w], [element.defects, element.cost])
     at_ends = ca.Function("ends", [ca.vertcat(element.x_first, element.x_last)], [element.ends])
     if isinstance(z, ca.SX):

@@ -255,21 +255,17 @@ def test_effects_written_outside_the_package(name, frame, form):
 
 
 @EACH_FORM
+def test_state_of_an_effect_is_a_signal_with_its_unit(form):
+    assert str(form(machine("torus"), [Heating()]).label("temperature", 1)[0]) == "temperature [K]"
+
+
+@EACH_FORM
 @pytest.mark.parametrize("name", NAMES)
 def test_effects_commute(name, form):
     arm = machine(name)
     q, third, tau = states(arm, 20)
     x = np.vstack([q, third, tau[:1]])
-    one = [
-        Gravity(G),
-        Viscous(),
-        Rotors(),
-        Heating(),
-        Viscous(0.3),
-        Payload(4.0),
-        Viscous(0.5),
-        Gravity(2.0, (1, 0, 0)),
-    ]
+    one = [Gravity(G), Viscous(), Rotors(), Heating(), Viscous(0.3), Payload(4), Viscous(0.5), Gravity(2, (1, 0, 0))]
     systems = [form(arm, effects) for effects in (one, one[::-1], one[5:] + one[:5])]
     first, *others = (evaluate([s.x, s.u], [s.rate, s["energy"]], x, tau) for s in systems)
     for other in others:
