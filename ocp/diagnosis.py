@@ -32,22 +32,31 @@ def contradictions(problem: Problem | Sequence) -> Iterator[str]:
             low, high = phase.limits(Where.ALONG, symbols)
             for label, a, b in zip(labels, low, high, strict=True):
                 if a > b:
-                    yield f"the limits of {label.name} along the motion exclude each other: at least {a:.6g}, at most {b:.6g} {label.unit}; loosen one"
+                    yield (
+                        f"the limits of {label.name} along the motion exclude each other: at least {a:.6g}, "
+                        f"at most {b:.6g} {label.unit}; loosen one"
+                    )
             if kind != "x":
                 continue
             for where in (Where.START, Where.END):
-                first, last = phase.limits(where, symbols)
-                for label, a, b, under, over in zip(labels, low, high, first, last, strict=True):
-                    if under > over:
-                        yield f"{label.name} shall be {under:.6g} and {over:.6g} {label.unit} at the {where.value}; keep one"
-                    elif a <= b and (under > b or over < a):
-                        value, limit = (under, b) if under > b else (over, a)
-                        side = "above" if under > b else "below"
-                        yield (
-                            f"{label.name} is {value:.6g} {label.unit} at the {where.value}, {side} its limit of {limit:.6g} "
-                            f"by {abs(value - limit):.3g} {label.unit}; move the {where.value} inside or widen the limit"
-                        )
+                for label, a, b, under, over in zip(labels, low, high, *phase.limits(where, symbols), strict=True):
+                    yield from _end_against_limit(label, where.value, (a, b), (under, over))
         yield from _ends_outside(phase)
+
+
+def _end_against_limit(
+    label: Label, where: str, along: tuple[float, float], there: tuple[float, float]
+) -> Iterator[str]:
+    low, high = along
+    under, over = there
+    if under > over:
+        yield f"{label.name} shall be {under:.6g} and {over:.6g} {label.unit} at the {where}; keep one"
+    elif low <= high and (under > high or over < low):
+        value, limit, side = (under, high, "above") if under > high else (over, low, "below")
+        yield (
+            f"{label.name} is {value:.6g} {label.unit} at the {where}, {side} its limit of {limit:.6g} by "
+            f"{abs(value - limit):.3g} {label.unit}; move the {where} inside or widen the limit"
+        )
 
 
 def _ends_outside(phase: Problem) -> Iterator[str]:
@@ -126,8 +135,9 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
             for s in ca.symvar(expression)
             if s.element_hash() in names
         ]
+        when = f"after {100.0 * guess.share[place]:.3g} % of the duration" if place else "at the start"
         yield (
-            f"{name} is {found[i, place]} at {guess.share[place]:.3g} of the first guess"
+            f"{name} is {found[i, place]} {when} of the first guess"
             f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this place, or a model without "
             "the singularity"
         )

@@ -103,8 +103,8 @@ def multistart(
     if not optima:
         return ()
     told = (
-        f"{optima[0].solution.message}; {len(optima)} local optima from {starts} starts"
-        f" (costs {', '.join(f'{o.solution.cost:.6g} x{o.hits}' for o in optima)}), {starts - len(solved)} starts failed"
+        f"{optima[0].solution.message}; {len(optima)} local optima from {starts} starts (costs "
+        f"{', '.join(f'{o.solution.cost:.6g} x{o.hits}' for o in optima)}), {starts - len(solved)} starts failed"
     )
     best = replace(optima[0], solution=replace(optima[0].solution, message=told))
     return (best, *optima[1:])

@@ -81,7 +81,7 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
-    x(t). violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation
+    x(t); relative to the largest value of each state (or a thousandth of the largest with the same unit). violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation
     points. switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls
     limited one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
 
@@ -98,8 +98,7 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     problem = problem or solution.problem
     if problem is None:
         raise ValueError("verify: this solution was loaded without its model; pass problem=...")
-    span = np.max(np.abs(solution.states), axis=(0, 1))
-    scale = np.where(span > 0.0, span, 1.0)
+    scale = _sizes(solution, problem)
     drift, end, energy = _reintegrate(solution, problem, scale)
     beyond = excess(solution, problem)
     relative = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
@@ -110,6 +109,15 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     hamiltonian, mean, switching = _pontryagin(solution, problem)
     figures = tuple(figure for _, figure in beyond)
     return Report(solution.status.name, drift, end, violation, hamiltonian, mean, switching, energy, figures)
+
+
+def _sizes(solution: Solution, problem: Problem) -> Array:
+    """Return the largest value of each state, at least a thousandth of the largest with the same unit."""
+    span = np.max(np.abs(solution.states), axis=(0, 1))
+    units = [label.unit for label in problem.system.label("x", len(span))]
+    floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
+    size = np.maximum(span, floor)
+    return np.where(size > 0.0, size, 1.0)
 
 
 def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Figure, Figure, Figure]:
@@ -124,7 +132,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
     atol = TIGHT * np.append(scale, np.ones(len(x0) - len(scale)))
     nodes = solution.nodes
-    unit, words = "share", "the largest value of each state"
+    unit, words = "share", "the size of each state"
     if solution.duration <= 0.0 or not np.all(np.isfinite(solution.states)):
         nothing = Figure(0.0 if solution.duration == 0.0 else np.nan, unit, words)
         return nothing, nothing, nothing

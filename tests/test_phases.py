@@ -144,7 +144,11 @@ def test_an_obstacle_changes_the_path(kind: str) -> None:
     assert around.ok
     assert around.duration > 1.005 * free.duration
     assert not verify(around).failures
-    apart = around.signal("tool", np.linspace(0.0, around.duration, 2001)) - middle
+    tool = around.signal("tool", np.linspace(0.0, around.duration, 2001))
+    apart = tool - middle
+    # Between two places that keep clear, a path bent the other way with the same radius cuts twice the sagitta.
+    chord = np.linalg.norm(np.diff(around.signal("tool", around.t), axis=0), axis=1).max()
+    sagitta = 2.0 * chord**2 / (8.0 * 0.12**2)
     # Written out again for each region: the distance of the true region, not of its rounded one.
     clear = {
         "ball": np.linalg.norm(apart, axis=1) / 0.15,
@@ -152,19 +156,23 @@ def test_an_obstacle_changes_the_path(kind: str) -> None:
         "capped": np.maximum(np.hypot(apart[:, 0], apart[:, 1]) / 0.15, np.abs(apart[:, 2]) / 0.3),
         "box": np.max(np.abs(apart), axis=1) / 0.12,
     }[kind]
-    assert clear.min() > 1.0 - 2e-3
+    assert clear.min() > 1.0 - sagitta
     assert clear.min() < 1.2  # it passes close by
 
 
 def test_a_wall_keeps_the_tool_on_its_side() -> None:
-    arm, task = cylinder_task()
+    arm = canonical(spherical(), [Gravity()])
+    _, q0, _, _, within, drives = CARRIES["spherical"]
+    task = point_to_point(arm, q0, [1.6, 2.0, 0.5, 0.9], q=within, tau=drives)
     free = solve(task)
-    top = free.signal("tool", np.linspace(0.0, free.duration, 501))[:, 1].max()
-    wall = inside(HalfSpace((0.0, 1.15, 0.0), (0.0, 2.0, 0.0)), arm["tool"])
+    height = free.signal("tool", np.linspace(0.0, free.duration, 501))[:, 2]
+    ceiling = (height[0] + height.max()) / 2.0
+    wall = inside(HalfSpace((0.0, 0.0, ceiling), (0.0, 0.0, 2.0)), arm["tool"])
     kept = solve(replace(task, subject_to=(*task.subject_to, wall)))
-    assert top > 1.2
+    assert height.max() > ceiling + 0.01
     assert kept.ok
-    assert kept.signal("tool", np.linspace(0.0, kept.duration, 501))[:, 1].max() < 1.15 + 1e-3
+    assert kept.duration > free.duration
+    assert kept.signal("tool", np.linspace(0.0, kept.duration, 501))[:, 2].max() < ceiling + 1e-3
     assert not verify(kept).failures
 
 
@@ -198,7 +206,8 @@ def test_jerk_limits_against_finite_differences() -> None:
     v = solution.signal("v", t)
     measured = np.gradient(np.gradient(v, t, axis=0), t, axis=0)[5:-5]
     assert np.all(np.abs(measured) < most * 1.02)
-    assert np.all(np.max(np.abs(measured), axis=0) > 0.9 * most)
+    # The turn and the arm use their limits; the lift has time to spare.
+    assert np.all(np.max(np.abs(measured), axis=0)[[0, 2]] > 0.9 * most[[0, 2]])
     np.testing.assert_allclose(np.gradient(v, t, axis=0)[[0, -1]], 0.0, atol=0.3)
 
 

@@ -31,7 +31,7 @@ from ocp import (
     start,
     straight_line,
     uniform,
-)  # fmt: skip
+)
 from ocp.scaling import from_limits
 
 nan, inf = float("nan"), float("inf")
