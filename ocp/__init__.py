@@ -22,7 +22,7 @@ __all__ = [
     "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cylinder", "Fixed", "Free", "Grid", "Guess",
     "HalfSpace", "Ipopt", "Label", "Optimum", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
     "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "System", "Timings", "Trajectory",
-    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "multistart", "outside", "periodic",
-    "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
+    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "multistart", "outside",
+    "periodic", "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
     "time_derivative", "uniform", "verify",
 ]  # fmt: skip

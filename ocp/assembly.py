@@ -13,6 +13,8 @@ from ocp.scatter import Scatter, Triplets, matrix_of, scatter
 Array = np.ndarray
 Entry = tuple[Array, Array]  # places of unknowns (or rows) and coefficients, for each copy; zero: not there
 
+Part = tuple[Array, Array | int, Array, Array]  # rows, columns, coefficients, numbers in the source
+
 
 @dataclass(frozen=True, eq=False)
 class Local:
@@ -63,9 +65,9 @@ class Local:
         t = Triplets.gather(parts)
         return matrix_of(t.rows, t.columns, t.coefficients, (rows, outputs * self.copies))
 
-    def first(self, pattern: ca.Sparsity, before: int) -> tuple[list[tuple], list[tuple]]:  # type: ignore[type-arg]
+    def first(self, pattern: ca.Sparsity, before: int) -> tuple[list[Part], list[Part]]:
         """Return the entries of the constraint Jacobian and of the cost gradient; sources start at `before`."""
-        jacobian, gradient, copies = [], [], np.arange(self.copies)
+        copies, jacobian, gradient = np.arange(self.copies), list[Part](), list[Part]()
         for e, (a, c) in enumerate(zip(*pattern.get_triplet(), strict=True)):
             source = before + copies * pattern.nnz() + e
             for places, coefficient in self.columns[c]:
@@ -74,9 +76,9 @@ class Local:
                     gradient.append((places, 0, coefficient * self.cost[a], source))
         return jacobian, gradient
 
-    def second(self, pattern: ca.Sparsity, before: int) -> list[tuple]:  # type: ignore[type-arg]
+    def second(self, pattern: ca.Sparsity, before: int) -> list[Part]:
         """Return the entries of the Hessian of the Lagrangian for the upper triangle of the local one."""
-        parts, copies = [], np.arange(self.copies)
+        copies, parts = np.arange(self.copies), list[Part]()
         for e, (b, c) in enumerate(zip(*pattern.get_triplet(), strict=True)):
             source = before + copies * pattern.nnz() + e
             pairs = [(i, j, f * g, source) for i, f in self.columns[b] for j, g in self.columns[c]]
@@ -118,7 +120,9 @@ def assemble(
     f, g = cost_and_rows(plain)
 
     # First derivatives: every local function returns the nonzeros of its own Jacobian.
-    values, sources, jacobian, gradient, count = [], [], [], [], 0
+    values, sources, count = [], [], 0
+    jacobian: list[Part] = []
+    gradient: list[Part] = []
     for (local, _), given in zip(blocks, arguments, strict=True):
         slopes = ca.jacobian(local.outputs, local.unknowns)
         value, nonzeros = local.function([local.outputs, _nonzeros(slopes)])(*given)
@@ -136,7 +140,8 @@ def assemble(
 
     # Second derivatives: multipliers of the rows become multipliers of the local outputs.
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
-    sources, parts, count = [], [], 0
+    sources, count = [], 0
+    parts: list[Part] = []
     for (local, _), given, select, weight in zip(blocks, arguments, selects, weights, strict=True):
         lam = ca.SX.sym("lam", local.outputs.numel())
         upper = ca.triu(ca.hessian(ca.dot(lam, local.outputs), local.unknowns)[0])

@@ -141,7 +141,7 @@ def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Joint:
     )
     first = [p.derivatives["jac_g"](z_, s_) for p, z_, s_ in zip(programmes, zs, ss, strict=True)]
     slopes = [p.derivatives["grad_f"](z_, s_) for p, z_, s_ in zip(programmes, zs, ss, strict=True)]
-    f, g = sum(slope[0] for slope in slopes), ca.vertcat(*(part[0] for part in first), tied)
+    f, g = sum((slope[0] for slope in slopes), ca.MX(0)), ca.vertcat(*(part[0] for part in first), tied)
     jacobian = ca.vertcat(ca.diagcat(*(part[1] for part in first)), ca.jacobian(tied, z))
     gradient = ca.vertcat(*(slope[1] for slope in slopes))
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())

@@ -92,7 +92,8 @@ class Solution:
     def collocation_times(self) -> Array:
         """(N, d) times of the collocation points [s]."""
         shares: Array = self.grid.ends[:-1, None] + self.grid.widths[:, None] * self.scheme.points
-        return np.multiply(self.duration, shares)
+        times: Array = self.duration * shares
+        return times
 
     @property
     def t(self) -> Array:

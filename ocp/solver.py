@@ -108,10 +108,10 @@ class Prepared:
             status = Status.INFEASIBLE if refused else Status.FAILED
             answer = Answer(z0, np.zeros(len(rows[0])), np.nan, status, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
-        parameters = []
+        parameters: list[Array] = []
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
-            parameters += [numbers, fixed, programme.grid.widths]
+            parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
         function = build(self.joint.nlp, self.joint.derivatives, self.settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun

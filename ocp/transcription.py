@@ -100,7 +100,7 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         ca.vertcat(*(at_end(i, c, where) for i, c, where in ends_parts), final),
         ca.vertcat(first, last, shared), (p, given), 1,
         [*at_first, *at_last],
-        [*([(rows_e[b : b + 1], 1.0)] for b in range(len(ends_parts))), []],
+        [*([(rows_e[b : b + 1], np.ones(1))] for b in range(len(ends_parts))), []],
         np.append(np.zeros(len(ends_parts)), 1.0)[:, None],
     )  # fmt: skip
     blocks.append((ends, [p_mx, given_mx]))

