@@ -59,7 +59,11 @@ def number(name: str, value: object, unit: str) -> float:
         ValueError: not one finite real number.
     """
     expected = f"expected one finite number in {unit}"
-    if isinstance(value, bool | str | bytes) or value is None:
+    if isinstance(value, ca.SX | ca.MX):
+        raise ValueError(
+            f"{name}: got the symbol {value}, {expected}, or Parameter(number) for one that stays a symbol"
+        )
+    if value is None or np.asarray(value).dtype.kind in "bcSU":
         raise ValueError(f"{name}: got {value!r}, {expected}")
     try:
         result = float(np.asarray(value, dtype=float).item())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import casadi as ca
+import numpy as np
 
 from models.cylinder import about_axis
 from models.frames import Frame, fixed, ldl, udu
@@ -126,6 +127,9 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
     alpha, beta, c3 = q[1], q[1] + q[2], ca.cos(q[2])
     inertia2 = p["Theta_2_22"] + m2 * length2**2 / 4 + m3 * length2**2
     inertia3 = p["Theta_3_22"] + m3 * length3**2 / 4
+    for joint, own, inertia in (("q2", "Theta_2_22", inertia2), ("q3", "Theta_3_22", inertia3)):
+        if not isinstance(inertia, ca.SX) and inertia <= 0.0:
+            raise ValueError(f"torus: no inertia turns about {joint}; give {own} or the masses beyond it a value > 0")
     kappa = m3 * length2 * length3
     sigma = ca.sqrt(inertia2 / inertia3)
     above = (inertia2 - inertia3) / (inertia3 * (1 + sigma))  # sigma - 1 without cancellation
@@ -159,9 +163,10 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
         return Frame(name, q, forward, _pair(a, 1, 1, d), _symmetric(g11, coupled2, coupled3, g22, ca.SX(0), g33))
 
     def paper(added: ca.SX) -> Frame:
-        if p.nominal["Theta_2_22"] + p.nominal["L_2"] ** 2 * (p.nominal["m_2"] / 4 + p.nominal["m_3"]) == (
-            p.nominal["Theta_3_22"] + p.nominal["m_3"] * p.nominal["L_3"] ** 2 / 4
-        ):
+        n = p.nominal
+        second = n["Theta_2_22"] + n["m_2"] * n["L_2"] ** 2 / 4 + n["m_3"] * n["L_2"] ** 2
+        third = n["Theta_3_22"] + n["m_3"] * n["L_3"] ** 2 / 4
+        if abs(second - third) <= 4.0 * np.finfo(float).eps * third:
             raise ValueError(
                 "torus: the frame 'paper' of (5.5) is singular at I_2 = I_3 (B_c = 0, its constant a is infinite); "
                 "use frame='regular', which exists for all parameters"

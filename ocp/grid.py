@@ -65,4 +65,4 @@ def uniform(elements: int) -> Grid:
 
 def given(ends: Sequence[float]) -> Grid:
     """Return the grid with the given ends of elements, shares of the horizon from 0 to 1."""
-    return Grid(np.asarray(ends, dtype=float))
+    return Grid(ends)  # type: ignore[arg-type]

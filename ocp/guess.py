@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from ocp.problem import Fixed, Free, Problem, Where, start
+from ocp.problem import Fixed, Free, Problem, Where, simple, start
 
 if TYPE_CHECKING:
     from ocp.sequence import Sequence
@@ -40,6 +40,23 @@ class Guess:
     u: Array
     duration: float
     free: Array
+
+    def __post_init__(self) -> None:
+        share = np.asarray(self.share, dtype=float)
+        if (
+            share.ndim != 1
+            or len(share) < 2
+            or not np.all(np.diff(share) >= 0.0)
+            or share[0] != 0.0
+            or share[-1] != 1.0
+        ):
+            raise ValueError(f"Guess: share is {self.share}, expected increasing numbers from 0 to 1")
+        for name in ("x", "u"):
+            rows = np.shape(getattr(self, name))
+            if len(rows) != 2 or rows[0] != len(share):
+                raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
+        if not 0.0 <= self.duration < np.inf:
+            raise ValueError(f"Guess: duration is {self.duration}, expected a number of seconds >= 0")
 
     def state(self, share: Array) -> Array:
         """Return x at shares of the horizon, shape (..., nx)."""
@@ -231,6 +248,11 @@ def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bo
     low, high = np.concatenate([c.lower for c in wanted]), np.concatenate([c.upper for c in wanted])
     function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
     whole = False
+    for constraint in wanted:
+        # What is said of a state alone is met at once; the rest may have no meaning elsewhere.
+        for place, c in simple(constraint, system.x):
+            x = x.copy()
+            x[place] = np.clip(x[place], constraint.lower[c], constraint.upper[c])
     for _ in range(ITERATIONS):
         value, slope = (np.array(part) for part in function(x, p))
         short = np.clip(value.ravel(), low, high) - value.ravel()

@@ -46,6 +46,9 @@ class Free:
 
     def __post_init__(self) -> None:
         _positive("Free: guess", self.guess)
+        for value in (self.lower, self.upper):
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise ValueError(f"Free: got {value!r} as a limit, expected a number of seconds")
         if not 0.0 <= self.lower <= self.upper:
             raise ValueError(f"Free: limits {self.lower} .. {self.upper} s, expected 0 <= lower <= upper")
 
@@ -65,10 +68,13 @@ class Bolza:
     final: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.time):
-            raise ValueError(f"Bolza: time weight {self.time}, expected a finite number")
+        if not (isinstance(self.time, int | float | np.number) and np.isfinite(self.time)):
+            raise ValueError(f"Bolza: time weight {self.time!r}, expected a finite number")
         for name in ("running", "final"):
-            expression = ca.SX(getattr(self, name))
+            given = getattr(self, name)
+            if not isinstance(given, ca.SX | int | float | np.number):
+                raise TypeError(f"Bolza: {name} is {given!r}, expected an expression in x, u, p")
+            expression = ca.SX(given)
             if expression.numel() != 1:
                 raise ValueError(f"Bolza: {name} has {expression.numel()} components, expected one expression")
             object.__setattr__(self, name, expression)
@@ -100,12 +106,12 @@ def start(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") 
     Raises:
         ValueError: sizes disagree, NaN, lower > upper.
     """
-    return _constraint(Where.START, expression, lower, lower if upper is None else upper, name)
+    return _at_end(Where.START, expression, lower, upper, name)
 
 
 def end(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
     """Constrain an expression at t = T; arguments as for `start`."""
-    return _constraint(Where.END, expression, lower, lower if upper is None else upper, name)
+    return _at_end(Where.END, expression, lower, upper, name)
 
 
 def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
@@ -162,6 +168,10 @@ class Problem:
         for name, kind in (("system", System), ("horizon", Free | Fixed), ("minimise", Bolza)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"Problem: {name} is {getattr(self, name)!r}, expected {kind}")
+        if not isinstance(self.subject_to, Constraint | tuple | list):
+            raise TypeError(
+                f"Problem: subject_to is {self.subject_to!r}, expected a tuple of start(...), along(...) ..."
+            )
         constraints = (self.subject_to,) if isinstance(self.subject_to, Constraint) else tuple(self.subject_to)
         for constraint in constraints:
             if not isinstance(constraint, Constraint):
@@ -229,12 +239,20 @@ def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
     ]
 
 
+def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:
+    if lower is None and upper is None:
+        raise ValueError(f"{where.value}: got None, expected a value or a lower and an upper limit")
+    return _constraint(where, expression, lower, lower if upper is None else upper, name)
+
+
 def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "") -> Constraint:
     name = where.value
     if not isinstance(expression, ca.SX):
         raise TypeError(f"{name}: got {expression!r}, expected an expression such as system['q']")
     column = ca.densify(ca.vec(expression))
     size = column.numel()
+    if size == 0:
+        raise ValueError(f"{name}: the expression is empty, expected at least one component")
     low, high = _limit(name, "lower", lower, -np.inf, size), _limit(name, "upper", upper, np.inf, size)
     if np.any(low > high):
         bad = np.flatnonzero(low > high).tolist()

@@ -43,20 +43,38 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
         free: (nf,) numbers of the parameters that are unknowns.
     """
     system = problem.system
-    u = magnitude(problem, system.u)
-    u = np.where(np.isfinite(u), u, np.max(np.abs(guess.u), axis=0, initial=0.0))
-    x = magnitude(problem, system.x)
     travelled = np.max(np.abs(guess.x), axis=0, initial=0.0)
+    limited = magnitude(problem, system.x)
+    p = ca.DM(list(values))
+    slope = ca.densify(ca.jacobian(system.rate, system.u))
+    function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
     # Rates at a handful of guessed states with every control at its lower and upper limit.
-    rate = ca.Function("rate", [system.x, system.u], [ca.substitute(system.rate, system.p, ca.DM(list(values)))])
+    places = guess.x[:: max(1, len(guess.x) // 4)]
+    slopes = np.abs(np.array([np.array(function(x, np.zeros(system.u.numel()), p)[1]) for x in places]))
+    slopes[~np.isfinite(slopes)] = 0.0
+    needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
+    u = magnitude(problem, system.u)
+    u = np.where(np.isfinite(u), u, _control_size(np.max(np.abs(guess.u), axis=0, initial=0.0), needed, slopes))
     corners = [signs * u for signs in np.vstack([np.zeros(len(u)), np.eye(len(u)), -np.eye(len(u))])]
-    rates = [np.abs(np.array(rate(xk, uk))).ravel() for xk in guess.x[:: max(1, len(guess.x) // 4)] for uk in corners]
-    built = np.array(rates)
+    built = np.array([np.abs(np.array(function(x, corner, p)[0])).ravel() for x in places for corner in corners])
     built[~np.isfinite(built)] = 0.0
     reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))
-    x = np.where(np.isfinite(x), x, reached)
+    x = np.where(np.isfinite(limited), limited, reached)
     parameters = np.abs([values[i] for i in free]) if len(free) else np.ones(0)
     return Scaling(_power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters))
+
+
+def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
+    """Return the size of controls without limits: as guessed, or what moves the states through their ranges in time.
+
+    A guess at rest needs no control, and then what it has is rounding and no magnitude.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moving = needed[None, :, None] / slopes
+    moving[~np.isfinite(moving) | (moving <= 0.0)] = np.inf
+    least = np.min(moving, axis=(0, 1), initial=np.inf)
+    degenerate = guessed < 1e-6 * np.where(np.isfinite(least), least, 1.0)
+    return np.where(degenerate, np.where(np.isfinite(least), least, 1.0), guessed)
 
 
 def magnitude(problem: Problem, symbols: ca.SX) -> Array:

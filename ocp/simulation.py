@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.integration import integrate
-from ocp.solution import Solution
+from ocp.solution import OUTSIDE, Solution
 from ocp.system import System
 
 Array = np.ndarray
@@ -74,10 +74,17 @@ def simulate(
     if len(start) != system.x.numel() or not np.all(np.isfinite(start)):
         raise ValueError(f"x0: got {start.tolist()}, expected {system.x.numel()} finite numbers")
     reported = np.array(times, dtype=float)
+    if reported.ndim == 0 and not 0.0 < reported < np.inf:
+        raise ValueError(f"times: got {times}, expected a duration > 0 s or increasing times >= 0 s")
     if reported.ndim == 0:
         reported = np.linspace(0.0, float(reported), 101)
     if len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
-        raise ValueError("times: expected increasing times >= 0 s")
+        shown = ", ".join(f"{t:g}" for t in np.atleast_1d(reported)[:6])
+        raise ValueError(f"times: got {shown}{' ...' if len(reported) > 6 else ''}, expected increasing times >= 0 s")
+    if isinstance(control, Solution) and reported[-1] > control.duration * (1.0 + OUTSIDE):
+        raise ValueError(f"times: got {reported[-1]:g} s, the control lasts {control.duration:g} s")
+    if np.size(atol) not in (1, len(start)):
+        raise ValueError(f"atol: has {np.size(atol)} components, expected 1 or {len(start)}")
     if not (rtol > 0.0 and np.all(np.asarray(atol) > 0.0)):
         raise ValueError(f"rtol, atol: got {rtol}, {atol}, expected numbers > 0")
     if values is None and isinstance(control, Solution):
@@ -88,11 +95,11 @@ def simulate(
     x = start
     xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
     message, step = "", 0.0
+    if reported[0] == 0.0:
+        xs[0], us[0] = start, _first(control, nu)
     rate = _BufferedRate(system, parameters)
     for a, b, u in _pieces(control, reported[-1], breaks, nu):
         rate.follow(u)
-        if a == 0.0 and reported[0] == 0.0:
-            xs[0], us[0] = x, u(0.0)
         t = a
         for stop in [*reported[(reported > a) & (reported < b)], b]:
             done = integrate(rate, t, stop, x, rtol, atol, step)
@@ -121,19 +128,26 @@ def _pieces(
     if callable(control):
         function: ControlOf = control
     else:
-        constant = np.array(control, dtype=float).ravel()
-        if len(constant) != nu:
-            raise ValueError(f"control: got {len(constant)} numbers, expected {nu}")
+        constant = _first(control, nu)
 
         def function(_: float) -> Array:
             return constant
 
-    if np.size(function(0.0)) != nu:
-        raise ValueError(f"control: the function returns {np.size(function(0.0))} numbers, expected {nu}")
+    _first(function, nu)
     inner = sorted({float(b) for b in breaks if 0.0 < b < end})
     marks = [0.0, *inner, end]
     for a, b in pairwise(marks):
         yield a, b, _inside(function, a, b) if inner else function
+
+
+def _first(control: Solution | ControlOf | Sequence[float] | Array, nu: int) -> Array:
+    """Return the control at t = 0."""
+    if isinstance(control, Solution):
+        return control.u(0.0)
+    value = control(0.0) if callable(control) else control
+    if np.size(value) != nu:
+        raise ValueError(f"control: got {np.size(value)} numbers, expected {nu}")
+    return np.array(value, dtype=float).ravel()
 
 
 def _inside(function: ControlOf, a: float, b: float) -> ControlOf:

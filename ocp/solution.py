@@ -133,6 +133,8 @@ class Solution:
         """
         if isinstance(signal, str) and signal in ("x", "u"):
             return self.x(t) if signal == "x" else self.u(t)
+        if not isinstance(signal, str | ca.SX):
+            raise TypeError(f"signal: got {signal!r}, expected the name of a signal or an expression")
         if self.problem is None:
             raise ValueError("signal: this solution was loaded without its model; use load(path, problem=...)")
         system = self.problem.system

@@ -184,7 +184,9 @@ def prepare(
         TypeError: an argument of the wrong kind.
     """
     begun = time.perf_counter()
-    scheme, grid, solver = scheme or radau(3), grid or uniform(50), solver or Ipopt()
+    scheme = radau(3) if scheme is None else scheme
+    grid = uniform(50) if grid is None else grid
+    solver = Ipopt() if solver is None else solver
     for name, value, kinds in (
         ("problem", problem, Problem | Sequence), ("scheme", scheme, Scheme), ("grid", grid, Grid),
         ("solver", solver, Ipopt),

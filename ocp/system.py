@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import casadi as ca
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,10 @@ class System:
                 f"System: nominal names {len(self.nominal)} parameters ({', '.join(self.nominal) or 'none'}), "
                 f"p has {self.p.numel()}; give one value for each, in the order of p"
             )
+        self.values()
+        repeated = ca.vertcat(self.x, self.u, self.p)
+        if len({s.element_hash() for s in ca.vertsplit(repeated)}) < repeated.numel():
+            raise ValueError("System: a symbol stands twice in x, u, p; every unknown needs one of its own")
         self.check_symbols("rate", self.rate)
         for name, expression in self.signals.items():
             if not isinstance(expression, ca.SX):
@@ -81,8 +86,8 @@ class System:
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p."""
-        known = {s.__hash__() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
-        foreign = [str(s) for s in ca.symvar(expression) if s.__hash__() not in known]
+        known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
+        foreign = [str(s) for s in ca.symvar(expression) if s.element_hash() not in known]
         if foreign:
             raise ValueError(
                 f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)} "
@@ -108,12 +113,14 @@ class System:
             ValueError: `given` names a parameter that the system does not have, or a value that is not finite.
         """
         given = {} if given is None else given
-        for name, value in given.items():
+        for name in given:
             if name not in self.nominal:
                 raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
-            if not abs(float(value)) < float("inf"):
-                raise ValueError(f"parameter {name!r}: got {value}, expected a finite number")
-        return [float(given.get(name, value)) for name, value in self.nominal.items()]
+        found = {**self.nominal, **given}
+        for name, value in found.items():
+            if not (isinstance(value, int | float | np.number) and np.isfinite(value)):
+                raise ValueError(f"parameter {name!r}: got {value!r}, expected a finite number")
+        return [float(found[name]) for name in self.nominal]
 
 
 def rebuild(

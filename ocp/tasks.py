@@ -35,6 +35,8 @@ def point_to_point(
         KeyError: a limit on a signal that the system does not have.
         ValueError: sizes disagree, a magnitude < 0, or "minimise" is another word.
     """
+    if not isinstance(system, System):
+        raise TypeError(f"point_to_point: system is {system!r}, expected a System")
     if isinstance(minimise, str):
         if minimise != "time":
             raise ValueError(f"point_to_point: minimise is {minimise!r}, expected 'time' or a Bolza cost")
@@ -47,7 +49,10 @@ def point_to_point(
 def _sides(name: str, limit: Limit | tuple[Limit, Limit]) -> tuple[Limit, Limit]:
     if isinstance(limit, tuple) and len(limit) == 2:
         return limit  # type: ignore[return-value]
-    size = np.asarray(limit, dtype=float)
+    try:
+        size = np.asarray(limit, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"point_to_point: {name} = {limit!r}, expected numbers or a tuple (lower, upper)") from None
     if np.any(size < 0.0) or np.any(np.isnan(size)):
         raise ValueError(f"point_to_point: {name} = {limit}, expected magnitudes >= 0 or a tuple (lower, upper)")
     return -size, size

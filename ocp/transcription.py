@@ -94,8 +94,8 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         return physical(problem.subject_to[i].expression[c], sides[where][:nx], sides[where][nx:])
 
     final = physical(problem.minimise.final, last[:nx], last[nx:]) + problem.minimise.time * duration
-    at_first = [[(q[:1], f) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
-    at_last = [[(q[-1:], f) for q, f in column] for column in places.columns([1.0])]
+    at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
+    at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
     ends = Local(
         ca.vertcat(*(at_end(i, c, where) for i, c, where in ends_parts), final),
         ca.vertcat(first, last, shared), (p, given), 1,
@@ -202,7 +202,8 @@ def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...
                 ends.append((i, c, constraint.where))
                 continue
             path.append((i, c))
-            if 0.0 not in _path_places(scheme, constraint.expression[c], system.u):
+            free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
+            if not free and 0.0 not in _path_places(scheme, constraint.expression[c], system.u):
                 # The left ends of elements are left out, and with them the start of the motion.
                 ends.append((i, c, Where.START))
     return tuple(path), tuple(ends)

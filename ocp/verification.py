@@ -46,6 +46,7 @@ class Report:
     violation: Figure  # largest excess over a limit, between nodes included
     hamiltonian: Figure  # largest deviation of the Hamiltonian from its constant value
     hamiltonian_value: float  # its mean; minus the weight of time for a free duration [cost/s]
+    hamiltonian_offset: Figure  # distance of the mean from that value
     switching: Figure  # cost that the controls leave on the table to first order: integral of H(u) - min H
     energy: Figure  # work of the drives minus losses minus change of energy
     excess: tuple[Figure, ...]  # violation of every limited component in its own unit
@@ -58,6 +59,7 @@ class Report:
             ("the re-integrated motion drifts away by", self.drift, 1e-6),
             ("a limit is exceeded by", self.violation, 2e-3),
             ("the energy balance is open by", self.energy, 1e-6),
+            ("the Hamiltonian is away from its value by", self.hamiltonian_offset, 1e-2),
             ("the switching functions leave a gain of", self.switching, 2e-2),
         )
         for words, figure, allowed in checks:
@@ -107,9 +109,9 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     violation = Figure(
         relative[0], "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan
     )
-    hamiltonian, mean, switching = _pontryagin(solution, problem)
+    hamiltonian, mean, offset, switching = _pontryagin(solution, problem)
     figures = tuple(figure for _, figure in beyond)
-    return Report(solution.status.name, drift, end, violation, hamiltonian, mean, switching, energy, figures)
+    return Report(solution.status.name, drift, end, violation, hamiltonian, mean, offset, switching, energy, figures)
 
 
 def _sizes(solution: Solution, problem: Problem) -> Array:
@@ -182,7 +184,7 @@ def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
     return found
 
 
-def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure]:
+def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure, Figure]:
     """Return the deviation of the Hamiltonian, its mean, and the gap left by the controls."""
     system = problem.system
     costate = ca.SX.sym("lambda", system.x.numel())
@@ -204,6 +206,7 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     far = np.abs(values[0] - target)
     place = int(np.argmax(far))
     deviation = Figure(far[place] / size, "share", "the mean size of its terms", "H", times[place])
+    offset = Figure(abs(mean - target) / size, "share", "the mean size of its terms", "mean H")
     low, high = problem.limits(Where.ALONG, system.u)
     coupled = any(
         ca.depends_on(c.expression, system.u)
@@ -211,7 +214,7 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
         for c in problem.subject_to
     )
     if coupled:
-        return deviation, mean, Figure(np.nan, "share", "the cost", "undefined")
+        return deviation, mean, offset, Figure(np.nan, "share", "the cost", "undefined")
     reach = np.max(np.abs(u), axis=0, initial=0.0)
     best = np.where(
         slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
@@ -219,4 +222,4 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     gap = np.sum(np.maximum(slopes.T * (u - best), 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
     where = times[int(np.argmax(gap))] if gap.size else np.nan
-    return deviation, mean, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)
+    return deviation, mean, offset, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)

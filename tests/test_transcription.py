@@ -28,7 +28,7 @@ from ocp import (
     uniform,
 )
 from ocp.programme import bounds, pack, unpack
-from ocp.scaling import Scaling
+from ocp.scaling import Scaling, unscaled
 from ocp.solver import from_solution
 from ocp.transcription import transcribe
 
@@ -142,6 +142,14 @@ def rate_by_numpy(x, u, p):
     return np.stack([x1 * np.cos(x2), u0 * x0 - p[0] * np.sin(x1), u1 * x1**2 + p[1] * x2 * u0], axis=-1)
 
 
+def power_by_numpy(x, u, p):
+    return x[..., 1] * u[..., 0] + p[1] * u[..., 1]
+
+
+def reach_by_numpy(x, p):
+    return x[..., 0] ** 2 + p[0] * x[..., 2] ** 2
+
+
 @pytest.mark.parametrize("control", Control)
 @pytest.mark.parametrize("case", BY_HAND, ids=lambda case: case[0])
 def test_rows_and_cost_by_hand(case, control):
@@ -154,23 +162,34 @@ def test_rows_and_cost_by_hand(case, control):
 
     nodes, points, weights, state, by_rate = (np.array(part) for part in BY_HAND[case])
     shape = SHAPES[control if len(points) > 1 or control is Control.LINEAR else Control.CONSTANT]
-    integral, defects, power = 0.0, [], []
+    # On every element: a state at its points and its right end; a control where it may jump as seen from inside, but
+    # not beyond the points of a polynomial. What leaves out the left ends holds at the start once.
+    right = sorted({*points, 1.0} - {0.0})
+    places = {Control.CONSTANT: sorted({0.0, *points, 1.0}), Control.LINEAR: right, Control.COLLOCATED: sorted(points)}
+    integral, defects, power, reach = 0.0, [], [], []
     for a, b in zip(GRID.ends[:-1], GRID.ends[1:], strict=True):
         h = (b - a) * duration
-        x_nodes, x = line(a + (b - a) * nodes)[0], line(a + (b - a) * points)[0]
-        u = line(shape(a, b, a + (b - a) * points))[1]
+
+        def motion(tau, a=a, b=b):
+            t = a + (b - a) * np.array(tau)
+            return line(t)[0], line(shape(a, b, t))[1]
+
+        (x_nodes, _), (x, u) = motion(nodes), motion(points)
         defects.append(state @ x_nodes - h * by_rate @ rate_by_numpy(x, u, p))
-        power.append(x[:, 1] * u[:, 0] + p[1] * u[:, 1])
         integral += h * weights @ (u[:, 0] ** 2 * x[:, 2] + p[1] * x[:, 0] ** 4 + np.exp(u[:, 1]))
-    last = line(1.0)[0]
+        power.append(power_by_numpy(*motion(places[control]), p))
+        reach.append(reach_by_numpy(motion(right)[0], p))
+    first, last = line(0.0)[0], line(1.0)[0]
     first_u = line(shape(GRID.ends[0], GRID.ends[1], 0.0))[1]
-    reach = [x[0] ** 2 + p[0] * x[2] ** 2 for x in (line(0.0)[0], last)]
     assert cost == pytest.approx(integral + last[1] ** 3 * last[0] + p[0] + 0.7 * duration, rel=1e-13)
     found = rows[programme.defects] * programme.scaling.x
     np.testing.assert_allclose(found, defects, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(rows[programme.path][:, :, 0], power, rtol=0, atol=1e-13)
-    expected = [*reach, last[0] * last[2], first_u[0] * 0.4]
+    np.testing.assert_allclose(rows[programme.path[0]], power, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(rows[programme.path[1]], reach, rtol=0, atol=1e-13)
+    expected = [power_by_numpy(first, first_u, p)] if control is Control.LINEAR else []
+    expected += [reach_by_numpy(first, p), last[0] * last[2], first_u[0] * 0.4]
     np.testing.assert_allclose(rows[programme.ends], expected, rtol=0, atol=1e-13)
+    assert programme.rows == len(rows)
 
 
 @pytest.mark.parametrize("control", Control)
@@ -204,8 +223,11 @@ def test_limits_become_bounds_in_scaled_units():
     assert (low[layout.free[0]] * 0.5, high[layout.free[0]] * 0.5) == (0.5, 2.0)
     assert not np.any(rows_low[programme.defects])
     assert not np.any(rows_high[programme.defects])
-    np.testing.assert_array_equal(rows_high[programme.path], np.broadcast_to([9.0, 50.0], (3, 2, 2)))
-    np.testing.assert_array_equal(rows_low[programme.ends], [-np.inf, -np.inf, 0.1, -5.0])
+    for rows, sides in zip(programme.path, [(-9.0, 9.0), (-np.inf, 50.0)], strict=True):
+        assert set(rows_low[rows].ravel()) == {sides[0]}
+        assert set(rows_high[rows].ravel()) == {sides[1]}
+    np.testing.assert_array_equal(rows_low[programme.ends], [-np.inf, 0.1, -5.0])
+    np.testing.assert_array_equal(rows_high[programme.ends], [50.0, 7.0, 5.0])
 
 
 X0, T = 1.4, 2.0
@@ -277,7 +299,7 @@ def test_solution_as_guess_keeps_the_motion(make, control):
     problem = regulator(limit=900.0)
     solution = solve(problem, make(3, control), uniform(10))
     assert np.ptp(solution.states) > 1.0
-    programme = prepare(problem, make(3, control), uniform(10)).joint.programmes[0]
+    programme = transcribe(problem, make(3, control), uniform(10), unscaled(problem, 0))
     again = unpack(programme, pack(programme, from_solution(solution), []), np.zeros(programme.rows), [])
     np.testing.assert_allclose(again.states, solution.states, rtol=0, atol=1e-6)
     # Where two elements meet, a polynomial control has two values, of which a guess can hold the middle only.

@@ -31,6 +31,9 @@ def normal_form(
     states = terms.states
     extra_rates = [ca.substitute(state.rate, machine.v, v) for state in states.values()]
     x = ca.vertcat(machine.q, symbol, *(state.symbol for state in states.values()))
+    shared = [name for name in terms.symbols if name in machine.symbols]
+    if shared:
+        raise ValueError(f"an effect defines the parameter {shared[0]!r}, which the machine has; rename it")
     parameters = {**machine.symbols, **terms.symbols}
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
     kind = symbol[0].name()[0]
@@ -65,7 +68,9 @@ def normal_form(
         signals[name] = ca.substitute(quantity.expression, machine.v, v)
         labels[name] = tuple(Label(name, quantity.unit) for _ in range(quantity.expression.numel()))
     for name, state in states.items():
-        signals.setdefault(name, state.symbol)
+        if name in signals:
+            raise ValueError(f"an effect defines the state {name!r}, which is a signal already; rename it")
+        signals[name], labels[name] = state.symbol, (Label(name, state.unit),)
     return System(
         x=x,
         u=machine.tau,
