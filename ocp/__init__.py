@@ -1,13 +1,14 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
+from ocp.constraint import Constraint, along, end, periodic, start
 from ocp.extension import extend, time_derivative
 from ocp.grid import Grid, given, uniform
 from ocp.guess import Guess, smooth, straight_line
 from ocp.ipopt import Ipopt
 from ocp.ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
 from ocp.optima import Optimum, multistart
-from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, along, end, periodic, start
+from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.region import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.sequence import Sequence, SequenceSolution
 from ocp.simulation import Trajectory, simulate

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.scatter import Scatter, Triplets, matrix_of, scatter
+from ocp.sparse import Scatter, Triplets, matrix_of, scatter
 
 Array = np.ndarray
 Entry = tuple[Array, Array]  # places of unknowns (or rows) and coefficients, for each copy; zero: not there

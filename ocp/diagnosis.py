@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.constraint import Where
 from ocp.guess import Guess, ends
-from ocp.problem import Fixed, Free, Problem, Where
+from ocp.problem import Fixed, Free, Problem
 from ocp.solution import Solution, Status
 from ocp.system import Label
 from ocp.verification import excess

@@ -53,7 +53,7 @@ def extend(system: System) -> System:
 def time_derivative(system: System, expression: ca.SX) -> ca.SX:
     """Return d(expression)/dt along the motion, (d expression / dx) f.
 
-    The jerk of a manipulator whose drives are limited in rate is the second derivative of its velocity, in the
+    The jerk of a mechanism whose drives are limited in rate is the second derivative of its velocity, in the
     extended system: time_derivative(e, time_derivative(e, e["v"])).
 
     Args:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from ocp.problem import Fixed, Free, Problem, Where, simple, start
+from ocp.constraint import Where, simple, start
+from ocp.problem import Fixed, Free, Problem
 
 if TYPE_CHECKING:
     from ocp.sequence import Sequence

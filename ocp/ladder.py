@@ -8,12 +8,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ocp.constraint import Constraint, Where, simple
 from ocp.grid import Grid
 from ocp.guess import Guess, chain, smooth, straight_line
-from ocp.problem import Bolza, Constraint, Fixed, Free, Problem, Where, simple
+from ocp.phases import as_guesses, parameter_values, phases_of
+from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.sequence import Sequence
 from ocp.solution import Status
-from ocp.solver import Outcome, Prepared, as_guesses, parameter_values, phases, prepare
+from ocp.solver import Outcome, Prepared, prepare
 
 Values = Mapping[str, float] | None
 
@@ -52,7 +54,7 @@ class CoarseGrid:
 
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the coarse solution, or None if it fails."""
-        programme = prepared.joint.programmes[0]
+        programme = prepared.compound.programmes[0]
         ends = programme.grid.ends
         places = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
         if len(places) >= len(ends):
@@ -95,7 +97,7 @@ class ParameterPath:
 
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution one step before the parameter's own value, or None if a step fails."""
-        own = {name: value for phase in phases(prepared.problem) for name, value in phase.system.nominal.items()}
+        own = {name: value for phase in phases_of(prepared.problem) for name, value in phase.system.nominal.items()}
         if self.name not in own:
             raise ValueError(f"ParameterPath: no parameter {self.name!r}; there are {', '.join(own) or 'none'}")
         target = float((values or {}).get(self.name, own[self.name]))
@@ -146,7 +148,7 @@ def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcom
 
 def _shortest(prepared: Prepared, values: Values) -> str:
     """Return, for a fixed duration that is too short, what the shortest motion within the same limits takes."""
-    problem, programme = prepared.problem, prepared.joint.programmes[0]
+    problem, programme = prepared.problem, prepared.compound.programmes[0]
     if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
         return ""
     asked = problem.horizon.duration

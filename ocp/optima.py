@@ -115,10 +115,10 @@ def _solve_start(work: _Work, start: int) -> Solution:
     values = dict(work.values)
     numbers = prepared.numbers(values)
     if start == 0:
-        guess = smooth(prepared.joint.programmes[0].problem, numbers[0])
+        guess = smooth(prepared.compound.programmes[0].problem, numbers[0])
     else:
         random = np.random.default_rng([work.seed, start])
-        guess = scattered(prepared.joint.programmes[0].problem, numbers[0], random)
+        guess = scattered(prepared.compound.programmes[0].problem, numbers[0], random)
     found: Solution = prepared(guess, values)
     # Graphs do not travel back; the caller has the problem.
     return replace(found, problem=None, rung=f"start {start}")

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 
 import casadi as ca
 import numpy as np
 
+from ocp.constraint import Constraint, Where, simple
 from ocp.system import Label, System
-
-
-class Where(Enum):
-    """Where a constraint holds."""
-
-    START = "start"
-    END = "end"
-    ALONG = "along"
-    PERIODIC = "periodic"  # value at the end minus value at the start
 
 
 @dataclass(frozen=True)
@@ -74,73 +65,10 @@ class Bolza:
             given = getattr(self, name)
             if not isinstance(given, ca.SX | int | float | np.number):
                 raise TypeError(f"Bolza: {name} is {given!r}, expected an expression in x, u, p")
-            expression = ca.SX(given)
+            expression = given if isinstance(given, ca.SX) else ca.SX(float(given))
             if expression.numel() != 1:
                 raise ValueError(f"Bolza: {name} has {expression.numel()} components, expected one expression")
             object.__setattr__(self, name, expression)
-
-
-@dataclass(frozen=True, eq=False)
-class Constraint:
-    """lower <= expression <= upper at the start, at the end or along the motion; made by start, end, along."""
-
-    where: Where
-    expression: ca.SX  # (m,)
-    lower: np.ndarray  # (m,)
-    upper: np.ndarray  # (m,)
-    name: str = ""  # what messages call it; empty for the name of the signal it is
-
-
-Limit = float | Sequence[float] | np.ndarray | None
-
-
-def start(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
-    """Constrain an expression at t = 0.
-
-    Args:
-        expression: (m,) a signal of the system, or any expression in x, u, p.
-        lower: (m,) or scalar; the value itself if `upper` is not given.
-        upper: (m,) or scalar.
-        name: what messages call it.
-
-    Raises:
-        ValueError: sizes disagree, NaN, lower > upper.
-    """
-    return _at_end(Where.START, expression, lower, upper, name)
-
-
-def end(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
-    """Constrain an expression at t = T; arguments as for `start`."""
-    return _at_end(Where.END, expression, lower, upper, name)
-
-
-def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
-    """Constrain an expression along the whole motion.
-
-    A component that is one symbol of x or u becomes a bound of unknowns, one of p makes that parameter an unknown.
-
-    Args:
-        expression: (m,) a signal of the system, or any expression in x, u, p.
-        lower, upper: (m,) or scalar; None (or infinite) for no limit.
-        name: what messages call it.
-
-    Raises:
-        ValueError: sizes disagree, NaN, lower > upper.
-    """
-    return _constraint(Where.ALONG, expression, lower, upper, name)
-
-
-def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
-    """Constrain an expression to the same value at both ends, expression(T) - expression(0) = shift.
-
-    Args:
-        expression: (m,) a signal of the system, or any expression in x, u, p.
-        shift: (m,) or scalar, for motions that repeat a number of turns further.
-
-    Raises:
-        ValueError: sizes disagree, NaN.
-    """
-    return _constraint(Where.PERIODIC, expression, shift, shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,53 +155,6 @@ class Problem:
                     low[place] = max(low[place], constraint.lower[c])
                     high[place] = min(high[place], constraint.upper[c])
         return low, high
-
-
-def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
-    """Return (place in symbols, component) for the components of a constraint that are one symbol each."""
-    place = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
-    return [
-        (place[component.element_hash()], c)
-        for c, component in enumerate(ca.vertsplit(constraint.expression))
-        if component.is_symbolic() and component.element_hash() in place
-    ]
-
-
-def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:
-    if lower is None and upper is None:
-        raise ValueError(f"{where.value}: got None, expected a value or a lower and an upper limit")
-    return _constraint(where, expression, lower, lower if upper is None else upper, name)
-
-
-def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "") -> Constraint:
-    name = where.value
-    if not isinstance(expression, ca.SX):
-        raise TypeError(f"{name}: got {expression!r}, expected an expression such as system['q']")
-    column = ca.densify(ca.vec(expression))
-    size = column.numel()
-    if size == 0:
-        raise ValueError(f"{name}: the expression is empty, expected at least one component")
-    low, high = _limit(name, "lower", lower, -np.inf, size), _limit(name, "upper", upper, np.inf, size)
-    if np.any(low > high):
-        bad = np.flatnonzero(low > high).tolist()
-        raise ValueError(
-            f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for {expression}"
-        )
-    if np.any(low == np.inf) or np.any(high == -np.inf):
-        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {expression}")
-    return Constraint(where, column, low, high, called)
-
-
-def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np.ndarray:
-    try:
-        array = np.array(missing if value is None else value, dtype=float).ravel()
-    except (TypeError, ValueError):
-        raise ValueError(f"{where}: {side} is {value!r}, expected numbers") from None
-    if array.size not in (1, size):
-        raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
-    if np.any(np.isnan(array)):
-        raise ValueError(f"{where}: {side} is NaN in components {np.flatnonzero(np.isnan(array)).tolist()}")
-    return np.broadcast_to(array, (size,)).copy()
 
 
 def _positive(name: str, value: float) -> None:

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme
+from ocp.constraint import Where
 from ocp.grid import Grid
 from ocp.guess import Guess
 from ocp.layout import Layout
-from ocp.problem import Fixed, Free, Problem, Where
+from ocp.problem import Fixed, Free, Problem
 from ocp.scaling import Scaling
 
 Array = np.ndarray

@@ -9,7 +9,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from ocp.problem import Constraint, along
+from ocp.constraint import Constraint, along
 
 # Exponent of the norm that rounds the edges of boxes and finite cylinders when a point stays outside.
 ROUNDING = 8
@@ -130,7 +130,7 @@ def inside(region: Region, point: ca.SX) -> Constraint:
 
     Args:
         region: Ball, Box, Cylinder, HalfSpace, or anything with `within`.
-        point: (d,) position as an expression, such as arm["tool"] [m].
+        point: (d,) position as an expression, such as system["tool"] [m].
     """
     return along(region.within(_column(point)), upper=1.0, name=f"place in {type(region).__name__}")
 
@@ -144,7 +144,7 @@ def outside(region: Region, point: ca.SX) -> Constraint:
 
     Args:
         region: Ball, Box, Cylinder, HalfSpace, or anything with `within`.
-        point: (d,) position as an expression, such as arm["tool"] [m].
+        point: (d,) position as an expression, such as system["tool"] [m].
     """
     faces = ca.vec(region.within(_column(point)))
     if faces.numel() == 1:
@@ -157,7 +157,7 @@ def outside(region: Region, point: ca.SX) -> Constraint:
 
 def _column(point: ca.SX) -> ca.SX:
     if not isinstance(point, ca.SX):
-        raise TypeError(f"point: got {point!r}, expected an expression such as arm['tool']")
+        raise TypeError(f"point: got {point!r}, expected an expression such as system['tool']")
     return ca.densify(ca.vec(point))
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.constraint import Where
 from ocp.guess import Guess
-from ocp.problem import Problem, Where
+from ocp.problem import Problem
 
 Array = np.ndarray
 

@@ -114,7 +114,7 @@ class SequenceSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Compound:
     """The programmes of one or more phases as one programme."""
 
     programmes: tuple[Programme, ...]
@@ -123,11 +123,11 @@ class Joint:
     links: int  # number of rows that tie the phases, after those of the phases
 
 
-def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Joint:
+def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Compound:
     """Return the programmes of a sequence tied by its links; one alone stays as it is."""
     if sequence is None:
         only = programmes[0]
-        return Joint(programmes, dict(only.nlp), dict(only.derivatives), 0)
+        return Compound(programmes, dict(only.nlp), dict(only.derivatives), 0)
     z = ca.MX.sym("z", sum(p.layout.size for p in programmes))
     s = ca.MX.sym("s", sum(p.nlp["p"].numel() for p in programmes))
     zs = ca.vertsplit(z, np.cumsum([0, *(p.layout.size for p in programmes)]).tolist())
@@ -158,7 +158,7 @@ def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Joint:
             "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
         ),
     }
-    return Joint(programmes, {"x": z, "p": s, "f": f, "g": g}, derivatives, tied.numel())
+    return Compound(programmes, {"x": z, "p": s, "f": f, "g": g}, derivatives, tied.numel())
 
 
 def _at_junction(programme: Programme, expression: ca.SX, z: ca.MX, s: ca.MX, end: int) -> ca.MX:

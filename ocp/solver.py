@@ -16,15 +16,15 @@ from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, chain, smooth
 from ocp.ipopt import Answer, Ipopt, build, run
+from ocp.phases import Start, as_guesses, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, unscaled
-from ocp.sequence import Joint, Sequence, SequenceSolution, join
+from ocp.sequence import Compound, Sequence, SequenceSolution, join
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
 
 Array = np.ndarray
-Start = Guess | Solution | SequenceSolution
 Outcome = Any  # Solution for a Problem, SequenceSolution for a Sequence
 
 
@@ -33,7 +33,7 @@ class Prepared:
     """A programme with its solver, to be solved for many parameter values, limits, ends and guesses."""
 
     problem: Problem | Sequence
-    joint: Joint
+    compound: Compound
     settings: Ipopt
     setup: float  # seconds spent so far
     cold: ca.Function
@@ -70,9 +70,9 @@ class Prepared:
 
     def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
         """Return this programme for other numbers in the problem, or another grid of the same size."""
-        programmes = self.joint.programmes
+        programmes = self.compound.programmes
         if problem is not None:
-            pairs = zip(phases(self.problem), phases(problem), strict=True)
+            pairs = zip(phases_of(self.problem), phases_of(problem), strict=True)
             same = [_same_structure(old, new) for old, new in pairs]
             programmes = tuple(replace(p, problem=new) for p, new in zip(programmes, same, strict=True))
         if grid is not None:
@@ -82,7 +82,7 @@ class Prepared:
                         f"grid: has {len(grid)} elements, the programme was prepared for {len(programme.grid)}"
                     )
             programmes = tuple(replace(p, grid=grid) for p in programmes)
-        return replace(self, problem=problem or self.problem, joint=replace(self.joint, programmes=programmes))
+        return replace(self, problem=problem or self.problem, compound=replace(self.compound, programmes=programmes))
 
     def attempt(
         self, guesses: list[Guess], values: list[list[float]], warm: bool = False, rung: str = "given guess"
@@ -96,9 +96,9 @@ class Prepared:
             rung: what the guess is called in the solution.
         """
         begun = time.perf_counter()
-        programmes = self.joint.programmes
+        programmes = self.compound.programmes
         every = [bounds(programme) for programme in programmes]
-        tied = np.zeros(self.joint.links)
+        tied = np.zeros(self.compound.links)
         low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
         rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
         z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(programmes, guesses, values, strict=True)])
@@ -112,7 +112,7 @@ class Prepared:
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
             parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
-        function = build(self.joint.nlp, self.joint.derivatives, self.settings, warm=True) if warm else self.cold
+        function = build(self.compound.nlp, self.compound.derivatives, self.settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
         answer = run(function, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]))
@@ -121,7 +121,7 @@ class Prepared:
     def _outcome(
         self, answer: Answer, values: list[list[float]], rung: str, setup: float, reasons: list[str]
     ) -> Outcome:
-        programmes = self.joint.programmes
+        programmes = self.compound.programmes
         spent = max(answer.seconds - answer.derivatives, 0.0)
         timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
         zs = np.split(answer.z, np.cumsum([p.layout.size for p in programmes])[:-1])
@@ -197,13 +197,13 @@ def prepare(
     given = guess if isinstance(guess, Start) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
     guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
     programmes = []
-    for phase, numbers, first in zip(phases(problem), every, guesses, strict=True):
+    for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
         free = free_parameters(phase)
         scaling = from_limits(phase, first, numbers, free) if solver.scaled else unscaled(phase, len(free))
         programmes.append(transcribe(phase, scheme, grid, scaling))
-    joint = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
-    cold = build(joint.nlp, joint.derivatives, solver, warm=False)
-    return Prepared(problem, joint, solver, time.perf_counter() - begun, cold)
+    compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
+    cold = build(compound.nlp, compound.derivatives, solver, warm=False)
+    return Prepared(problem, compound, solver, time.perf_counter() - begun, cold)
 
 
 def solve(
@@ -239,62 +239,6 @@ def solve(
         guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
     found = prepared(guess, values)
     return replace(found, message=f"{found.message}; but {'; '.join(doubts)}") if doubts and found.ok else found
-
-
-def phases(problem: Problem | Sequence) -> tuple[Problem, ...]:
-    """Return the problems of a sequence, or the problem itself as the only one."""
-    return problem.problems if isinstance(problem, Sequence) else (problem,)
-
-
-def parameter_values(problem: Problem | Sequence, values: Mapping[str, float] | None) -> list[list[float]]:
-    """Return the parameter values of every phase, nominal where `values` is silent.
-
-    Raises:
-        ValueError: no phase has a parameter that `values` names.
-    """
-    given = values or {}
-    known = {name for phase in phases(problem) for name in phase.system.nominal}
-    if not known.issuperset(given):
-        phases(problem)[0].system.values({name: 0.0 for name in given if name not in known})
-    return [
-        phase.system.values({n: v for n, v in given.items() if n in phase.system.nominal}) for phase in phases(problem)
-    ]
-
-
-def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list[Guess]:
-    """Return one Guess for each phase.
-
-    Raises:
-        TypeError, ValueError: not a guess, or one of another size.
-    """
-    if isinstance(guess, SequenceSolution):
-        parts: Several[Any] = guess.phases
-    else:
-        parts = guess if isinstance(guess, list | tuple) else [guess]
-    wanted = phases(problem)
-    if len(parts) != len(wanted):
-        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
-    made = []
-    for phase, part in zip(wanted, parts, strict=True):
-        if not isinstance(part, Guess | Solution):
-            raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, a ladder of rungs or None")
-        one = part if isinstance(part, Guess) else from_solution(part)
-        sizes = one.x.shape[1], one.u.shape[1]
-        if sizes != (phase.system.x.numel(), phase.system.u.numel()):
-            expected = phase.system.x.numel(), phase.system.u.numel()
-            raise ValueError(f"guess: has (nx, nu) = {sizes}, the system has {expected}")
-        made.append(one)
-    return made
-
-
-def from_solution(solution: Solution) -> Guess:
-    """Return a solution as a guess, sampled where it is smooth: at its points, and on both sides of each end."""
-    inside = np.concatenate([[1e-6], solution.scheme.points[solution.scheme.points % 1.0 > 0.0], [1.0 - 1e-6]])
-    ends, widths = solution.grid.ends, solution.grid.widths
-    share = np.concatenate([[0.0], (ends[:-1, None] + widths[:, None] * inside).ravel(), [1.0]])
-    t = share * solution.duration
-    free = np.array(list(solution.free.values()))
-    return Guess(share, solution.x(t), solution.u(t), solution.duration, free)
 
 
 def _fresh(guess: Any) -> bool:

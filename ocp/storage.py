@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
-import tempfile
+import uuid
 import zipfile
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 
@@ -19,6 +21,16 @@ from ocp.solution import Solution, Status, Timings
 FORMAT = "hamel-solution"
 VERSION = 1
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
+UNREADABLE = (
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+    RuntimeError,
+)
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
 
 
@@ -60,9 +72,10 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "log": {name: list(column) for name, column in solution.log.items()},
     }
     target = Path(path)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=target.name, suffix=".part")
+    # Created by hand, so that the file gets the rights that the user's own files get.
+    part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with part.open("xb") as file:
             np.savez_compressed(
                 file,
                 states=solution.states,
@@ -72,9 +85,9 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
                 ends=solution.grid.ends,
                 about=np.array(json.dumps(about)),
             )
-        Path(name).replace(target)
+        part.replace(target)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise
 
 
@@ -90,28 +103,34 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         OSError: no such file.
         ValueError: no solution file, a damaged one, or one of a newer version.
     """
+    # A truncated archive makes the zip reader complain again when it is thrown away; the file is opened here instead.
+    content = io.BytesIO(Path(path).read_bytes())
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(content, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
-    except (KeyError, ValueError, zipfile.BadZipFile, EOFError, TypeError) as error:
+    except UNREADABLE as error:
         raise ValueError(f"{path}: no readable solution file ({error})") from None
-    if about.get("format") != FORMAT or not isinstance(about.get("version"), int) or about["version"] > VERSION:
-        raise ValueError(
-            f"{path}: format {about.get('format')!r} version {about.get('version')!r}, "
-            f"expected {FORMAT!r} up to version {VERSION}"
-        )
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise ValueError(f"{path}: no solution file, expected the format {FORMAT!r}")
+    if not isinstance(about.get("version"), int) or about["version"] > VERSION:
+        raise ValueError(f"{path}: format version {about.get('version')!r}, expected a number up to {VERSION}")
     try:
         scheme = _scheme(about["scheme"])
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)
         return Solution(
-            Status[about["status"]], about["message"], about["solver_status"], about["duration"], about["cost"],
-            arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"], about["free"], about["values"],
-            Timings(**about["timings"]), about["iterations"], grid, scheme, problem, about["rung"], about["log"],
+            Status[about["status"]], str(about["message"]), str(about["solver_status"]), float(about["duration"]),
+            float(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
+            _numbers(about["free"]), _numbers(about["values"]), Timings(**about["timings"]), int(about["iterations"]),
+            grid, scheme, problem, str(about["rung"]), dict(about["log"]),
         )  # fmt: skip
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"{path}: the solution file is incomplete ({error!r})") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: the solution file is incomplete or damaged ({error})") from None
+
+
+def _numbers(about: dict[str, float]) -> dict[str, float]:
+    return {str(name): float(value) for name, value in about.items()}
 
 
 def _scheme(about: dict[str, object]) -> Scheme:
@@ -131,3 +150,6 @@ def _check_shapes(arrays: dict[str, np.ndarray], scheme: Scheme, grid: Grid) -> 
     for name, shape in expected.items():
         if arrays[name].ndim != 3 or arrays[name].shape[:2] != shape:
             raise ValueError(f"array {name} has shape {arrays[name].shape}, expected {(*shape, '...')}")
+    widths = {name: arrays[name].shape[2] for name in ("states", "slopes", "costates")}
+    if len(set(widths.values())) != 1:
+        raise ValueError(f"arrays disagree on the number of states: {widths}")

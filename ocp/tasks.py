@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ocp.problem import Bolza, Fixed, Free, Limit, Problem, along, end, start
+from ocp.constraint import Limit, along, end, start
+from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.system import System
 
 Point = Sequence[float] | np.ndarray

@@ -14,12 +14,13 @@ import numpy as np
 
 from ocp.assembly import Entry, Local, assemble
 from ocp.collocation import Control, Scheme
+from ocp.constraint import Where, simple
 from ocp.grid import Grid
 from ocp.layout import Layout, lay_out
-from ocp.problem import Fixed, Problem, Where, simple
+from ocp.problem import Fixed, Problem
 from ocp.programme import Programme
 from ocp.scaling import Scaling
-from ocp.scatter import Triplets
+from ocp.sparse import Triplets
 
 Array = np.ndarray
 

@@ -8,7 +8,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ocp.problem import Free, Problem, Where
+from ocp.constraint import Where
+from ocp.problem import Free, Problem
 from ocp.simulation import simulate
 from ocp.solution import Solution
 

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from models import Manipulator
 from ocp import Problem, Solution, System
-from ocp.problem import Where
+from ocp.constraint import Where
 
 POSES = 7  # of the arm in the path picture
 MOTION, LIMIT, FAINT, ACCENT = "#1f4e79", "#b03a2e", "#9aa5b1", "#d98c1f"

@@ -29,7 +29,7 @@ from ocp import (
 )
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import Scaling, unscaled
-from ocp.solver import from_solution
+from ocp.phases import from_solution
 from ocp.transcription import transcribe
 
 GRID = given([0.0, 0.2, 0.65, 1.0])

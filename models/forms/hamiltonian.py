@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.factorisation import factorise
-from models.forms.normal_form import normal_form, symbols
+from models.forms.state_space import as_system, symbols
 from models.frames import Frame
 from models.manipulator import Manipulator
 from models.mechanics import Partials, assemble, momentum_rate
@@ -34,4 +34,4 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
     p = symbols("p", basis.q.numel())
     w = factorise(basis.metric).solve(p)
     v = basis.inverse @ w
-    return normal_form(mechanics, basis, p, w, v, momentum_rate(mechanics, basis, w, p, Partials.of(basis)))
+    return as_system(mechanics, basis, p, w, v, momentum_rate(mechanics, basis, w, p, Partials.of(basis)))

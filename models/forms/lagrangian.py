@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.factorisation import factorise
-from models.forms.normal_form import normal_form
+from models.forms.state_space import as_system
 from models.frames import Frame
 from models.manipulator import Manipulator
 from models.mechanics import Partials, assemble, momentum_rate
@@ -39,4 +39,4 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
     moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
     w_rate = factorise(basis.metric).solve(moved)
     turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
-    return normal_form(mechanics, basis, v, w, v, basis.inverse @ (w_rate - turning))
+    return as_system(mechanics, basis, v, w, v, basis.inverse @ (w_rate - turning))

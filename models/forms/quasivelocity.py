@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.factorisation import factorise
-from models.forms.normal_form import normal_form, symbols
+from models.forms.state_space import as_system, symbols
 from models.frames import Frame
 from models.manipulator import Manipulator
 from models.mechanics import Partials, assemble, momentum_rate
@@ -35,4 +35,4 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
     v = basis.inverse @ w
     partials = Partials.of(basis)
     moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
-    return normal_form(mechanics, basis, w, w, v, factorise(basis.metric).solve(moved))
+    return as_system(mechanics, basis, w, w, v, factorise(basis.metric).solve(moved))

@@ -9,7 +9,7 @@ from models.mechanics import Mechanics
 from ocp.system import Label, System
 
 
-def normal_form(
+def as_system(
     mechanics: Mechanics,
     frame: Frame,
     symbol: ca.SX,

@@ -1,0 +1,73 @@
+"""The phases of a problem or a sequence: their parameter values and their guesses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from collections.abc import Sequence as Several
+from typing import Any
+
+import numpy as np
+
+from ocp.guess import Guess
+from ocp.problem import Problem
+from ocp.sequence import Sequence, SequenceSolution
+from ocp.solution import Solution
+
+Start = Guess | Solution | SequenceSolution
+
+
+def phases_of(problem: Problem | Sequence) -> tuple[Problem, ...]:
+    """Return the problems of a sequence, or the problem itself as the only one."""
+    return problem.problems if isinstance(problem, Sequence) else (problem,)
+
+
+def parameter_values(problem: Problem | Sequence, values: Mapping[str, float] | None) -> list[list[float]]:
+    """Return the parameter values of every phase, nominal where `values` is silent.
+
+    Raises:
+        ValueError: no phase has a parameter that `values` names.
+    """
+    given = values or {}
+    known = {name for phase in phases_of(problem) for name in phase.system.nominal}
+    if not known.issuperset(given):
+        phases_of(problem)[0].system.values({name: 0.0 for name in given if name not in known})
+    return [
+        phase.system.values({n: v for n, v in given.items() if n in phase.system.nominal})
+        for phase in phases_of(problem)
+    ]
+
+
+def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list[Guess]:
+    """Return one Guess for each phase.
+
+    Raises:
+        TypeError, ValueError: not a guess, or one of another size.
+    """
+    if isinstance(guess, SequenceSolution):
+        parts: Several[Any] = guess.phases
+    else:
+        parts = guess if isinstance(guess, list | tuple) else [guess]
+    wanted = phases_of(problem)
+    if len(parts) != len(wanted):
+        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
+    made = []
+    for phase, part in zip(wanted, parts, strict=True):
+        if not isinstance(part, Guess | Solution):
+            raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, a ladder of rungs or None")
+        one = part if isinstance(part, Guess) else from_solution(part)
+        sizes = one.x.shape[1], one.u.shape[1]
+        if sizes != (phase.system.x.numel(), phase.system.u.numel()):
+            expected = phase.system.x.numel(), phase.system.u.numel()
+            raise ValueError(f"guess: has (nx, nu) = {sizes}, the system has {expected}")
+        made.append(one)
+    return made
+
+
+def from_solution(solution: Solution) -> Guess:
+    """Return a solution as a guess, sampled where it is smooth: at its points, and on both sides of each end."""
+    inside = np.concatenate([[1e-6], solution.scheme.points[solution.scheme.points % 1.0 > 0.0], [1.0 - 1e-6]])
+    ends, widths = solution.grid.ends, solution.grid.widths
+    share = np.concatenate([[0.0], (ends[:-1, None] + widths[:, None] * inside).ravel(), [1.0]])
+    t = share * solution.duration
+    free = np.array(list(solution.free.values()))
+    return Guess(share, solution.x(t), solution.u(t), solution.duration, free)
