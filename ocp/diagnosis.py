@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.collocation import Control
 from ocp.constraint import Where
 from ocp.guess import Guess, ends
 from ocp.problem import Fixed, Free, Problem
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
 SHRUNK = 1e-6  # of the guessed duration
+MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
 NAMED = 3  # findings listed at most
 
 
@@ -113,29 +115,22 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
     """Yield which rate, limit or cost is not finite on the guess, where, and on which states it depends."""
     for phase, guess, numbers in zip(_phases(problem), guesses, values, strict=True):
         system = phase.system
-        named = [(f"d{label.name}/dt", system.rate[i]) for i, label in enumerate(_labels(phase, "x", system.x))]
-        for constraint in phase.subject_to:
-            labels = phase.labels(constraint)
-            named += [(label.name, constraint.expression[i]) for i, label in enumerate(labels)]
-        named.append(("the running cost", phase.minimise.running))
-        everything = ca.vertcat(*(expression for _, expression in named))
+        expressions = [system.rate, *(c.expression for c in phase.subject_to), phase.minimise.running]
+        everything = ca.vertcat(*expressions)
         function = ca.Function("all", [system.x, system.u, system.p], [ca.densify(everything)]).map(len(guess.share))
         p = np.tile(np.array(numbers, dtype=float)[:, None], len(guess.share))
         found = np.array(function(guess.x.T, guess.u.T, p))
         bad = np.argwhere(~np.isfinite(found.T))
         if not len(bad):
             continue
+        names = [f"d{label.name}/dt" for label in _labels(phase, "x", system.x)]
+        names += [label.name for constraint in phase.subject_to for label in phase.labels(constraint)]
+        named = list(zip([*names, "the running cost"], ca.vertsplit(everything), strict=True))
         place, i = bad[0]
         name, expression = named[i]
-        names = {
-            s.element_hash(): label
-            for s, label in zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), strict=True)
-        }
-        at = [
-            f"{names[s.element_hash()].name} = {guess.x[place, list(names).index(s.element_hash())]:.6g}"
-            for s in ca.symvar(expression)
-            if s.element_hash() in names
-        ]
+        used = {symbol.element_hash() for symbol in ca.symvar(expression)}
+        states = zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), guess.x[place], strict=True)
+        at = [f"{label.name} = {value:.6g}" for symbol, label, value in states if symbol.element_hash() in used]
         when = f"after {100.0 * guess.share[place]:.3g} % of the duration" if place else "at the start"
         yield (
             f"{name} is {found[i, place]} {when} of the first guess"
@@ -162,9 +157,10 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
-    """Return what is worth saying of a solved problem: a duration that shrank to its lower limit."""
+    """Return what is worth saying of a solved problem: a duration at its limit, controls beyond theirs."""
     found = []
     for solution in solutions:
+        found += _between_points(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
             found.append(
@@ -172,6 +168,26 @@ def remarks(solutions: list[Solution]) -> list[str]:
                 "keeps the motion from being that short"
             )
     return found
+
+
+def _between_points(solution: Solution) -> list[str]:
+    """Say where a collocated control leaves its limits between the points, if by a noticeable share of its range."""
+    if solution.scheme.control is not Control.COLLOCATED or solution.problem is None or solution.duration <= 0.0:
+        return []
+    system = solution.problem.system
+    t, _, _, u = solution.samples(np.linspace(0.0, 1.0, 11))
+    low, high = solution.problem.limits(Where.ALONG, system.u)
+    both = np.isfinite(low) & np.isfinite(high) & (high > low)
+    share = np.zeros(u.shape)
+    share[:, both] = (np.maximum(low - u, u - high))[:, both] / (high - low)[both]
+    k, i = np.unravel_index(np.argmax(share), share.shape) if share.size else (0, 0)
+    if not share.size or share[k, i] <= MATTERS:
+        return []
+    label = system.label("u", u.shape[1])[i]
+    return [
+        f"{label.name} leaves its limits between the collocation points by {100 * share[k, i]:.2g} % of its range, at "
+        f"t = {t[k]:.4g} s, and the cost is too low for it; Control.CONSTANT and LINEAR keep limits everywhere"
+    ]
 
 
 def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:

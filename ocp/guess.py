@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
@@ -125,7 +126,8 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     low, high = problem.limits(Where.ALONG, problem.system.u)
     layers = _layers(problem)
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
-    best, least = straight_line(problem, values), np.inf
+    best: Guess | None = None
+    least = np.inf
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p)
         used = _use(guess.u, low, high)
@@ -135,6 +137,8 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
             break
         # Accelerations fall with the square of the duration.
         duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), LONGEST)
+    if best is None:
+        return straight_line(problem, values)
     return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)
 
 
@@ -233,6 +237,13 @@ def _follow(problem: Problem, path: Array, duration: float, layers: list[Array],
 
 def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
     """Return states that meet the start and end conditions, and whether those conditions fix them completely."""
+    first, last, fixed = _ends(problem, tuple(p.elements()))
+    return first.copy(), last.copy(), fixed
+
+
+@functools.lru_cache(maxsize=16)
+def _ends(problem: Problem, values: tuple[float, ...]) -> tuple[Array, Array, tuple[bool, bool]]:
+    p = ca.DM(list(values))
     low, high = problem.limits(Where.ALONG, problem.system.x)
     still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
     first, start_fixed = _meet(problem, Where.START, still, p)

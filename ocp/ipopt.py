@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,32 +98,43 @@ class Answer:
     log: Mapping[str, Sequence[float]]
 
 
-def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool) -> ca.Function:
-    """Return the solver function of a programme.
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """The solver function of a programme, and what watches it (CasADi keeps no reference of its own)."""
+
+    function: ca.Function
+    watch: Watch
+
+
+def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool) -> Solver:
+    """Return the solver of a programme.
 
     Raises:
         ValueError: IPOPT does not know an option in `extra`.
     """
     options = settings.options(warm) | dict(derivatives)
     shown = settings.progress if settings.progress is not None else sys.stderr.isatty()
-    if shown:
-        options["iteration_callback"] = Progress(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel())
+    watch = Watch(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel(), shown)
+    options["iteration_callback"] = watch
     try:
-        return ca.nlpsol("solver", "ipopt", dict(nlp), options)
+        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch)
     except RuntimeError as error:
         raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
 
 
-def run(function: ca.Function, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array]) -> Answer:
+def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array]) -> Answer:
     """Solve; nothing that IPOPT or an evaluation does raises."""
     begun = time.perf_counter()
     low, high, rows_low, rows_high = bounds
     try:
-        found = function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
-        stats = function.stats()
+        solver.watch.reset()
+        with interruptible(solver.watch):
+            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
+        solver.watch.clear()
+        stats = solver.function.stats()
         z, multipliers = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
         cost, verbatim = float(found["f"]), str(stats["return_status"])
-        iterations = int(stats.get("iter_count", 0))
+        iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
         stats, z, multipliers, cost, iterations = {}, z0, np.zeros(len(rows_low)), np.nan, 0
@@ -134,15 +148,27 @@ def run(function: ca.Function, z0: Array, p: Array, bounds: tuple[Array, Array, 
     return Answer(z, multipliers, cost, status, verbatim, iterations, derivatives, seconds, log)
 
 
-class Progress(ca.Callback):  # type: ignore[misc]
-    """Shows iterations, cost and time on standard error once a solve has lasted a while."""
+class Watch(ca.Callback):  # type: ignore[misc]
+    """Called at every iteration: stops on request, and shows progress once a solve has lasted a while."""
 
-    def __init__(self, nz: int, ng: int, np_: int) -> None:
+    def __init__(self, nz: int, ng: int, np_: int, shown: bool) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"x": nz, "f": 1, "g": ng, "lam_x": nz, "lam_g": ng, "lam_p": np_}
-        self._begun = self._shown = time.perf_counter()
-        self._count = 0
-        self.construct("progress", {})
+        self._shown = shown
+        self.reset()
+        self.construct("watch", {})
+
+    def reset(self) -> None:
+        """Begin anew: no request to stop, no iterations."""
+        self.stop = False
+        self.count, self._told = 0, False
+        self._begun = self._last = time.perf_counter()
+
+    def interrupt(self, *_: object) -> None:
+        """Ask the solver to stop after this iteration; asked twice, interrupt at once."""
+        if self.stop:
+            raise KeyboardInterrupt
+        self.stop = True
 
     def get_n_in(self) -> int:
         """Return the number of inputs, those of a solver's results."""
@@ -157,11 +183,29 @@ class Progress(ca.Callback):  # type: ignore[misc]
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, arg: Sequence[ca.DM]) -> list[int]:
-        """Show a line, at most twice a second."""
+        """Return 1 to stop, 0 to go on; show a line at most twice a second."""
         now = time.perf_counter()
-        self._count += 1
-        if now - self._begun > QUIET_SECONDS and now - self._shown > 0.5:
-            self._shown = now
-            line = f"  iteration {self._count}, cost {float(arg[1]):.6g}, {now - self._begun:.0f} s"
+        self.count += 1
+        if self._shown and now - self._begun > QUIET_SECONDS and now - self._last > 0.5:
+            self._last, self._told = now, True
+            line = f"  iteration {self.count}, cost {float(arg[1]):.6g}, {now - self._begun:.0f} s"
             print(f"\r{line:60s}", end="", file=sys.stderr, flush=True)
-        return [0]
+        return [int(self.stop)]
+
+    def clear(self) -> None:
+        """Wipe the line of progress, if there is one."""
+        if self._told:
+            print(f"\r{'':60s}\r", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def interruptible(watch: Watch) -> Iterator[None]:
+    """Let Ctrl-C ask the solver to stop, instead of throwing its last iterate away; in the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, watch.interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

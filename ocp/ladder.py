@@ -33,8 +33,11 @@ class Smooth:
     """A smooth motion between the ends, states and controls by the system's own equations (`ocp.smooth`)."""
 
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool]:
-        """Return the guess of every phase."""
-        return chain(prepared.problem, parameter_values(prepared.problem, values), smooth), False
+        """Return the guess of every phase; the scaling may have needed it already."""
+        numbers = parameter_values(prepared.problem, values)
+        if prepared.first is not None and prepared.first[0] is prepared.problem and prepared.first[1] == numbers:
+            return prepared.first[2], False
+        return chain(prepared.problem, numbers, smooth), False
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -148,18 +149,33 @@ class Problem:
         Returns:
             lower, upper: (m,), infinite where nothing is said; lower > upper where constraints contradict each other.
         """
-        low, high = np.full(symbols.numel(), -np.inf), np.full(symbols.numel(), np.inf)
-        for constraint in self.subject_to:
-            if constraint.where is where:
-                for place, c in simple(constraint, symbols):
-                    low[place] = max(low[place], constraint.lower[c])
-                    high[place] = min(high[place], constraint.upper[c])
-        return low, high
+        known = self.system.x, self.system.u, self.system.p
+        for number, column in enumerate(known):
+            if symbols is column:
+                low, high = _limits(self, where, number)
+                return low.copy(), high.copy()
+        return _limits_of(self, where, symbols)
 
 
 def _positive(name: str, value: float) -> None:
     if isinstance(value, bool | str) or not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value!r}, expected a number of seconds > 0")
+
+
+@functools.lru_cache(maxsize=64)
+def _limits(problem: Problem, where: Where, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the limits on x, u or p (number 0, 1, 2); asked for many times in one solve."""
+    return _limits_of(problem, where, (problem.system.x, problem.system.u, problem.system.p)[number])
+
+
+def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.full(symbols.numel(), -np.inf), np.full(symbols.numel(), np.inf)
+    for constraint in problem.subject_to:
+        if constraint.where is where:
+            for place, c in simple(constraint, symbols):
+                low[place] = max(low[place], constraint.lower[c])
+                high[place] = min(high[place], constraint.upper[c])
+    return low, high
 
 
 def rebuild(

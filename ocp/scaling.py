@@ -25,6 +25,21 @@ class Scaling:
     free: Array  # (nf,) free parameters
 
 
+def table(scaling: Scaling, problem: Problem) -> str:
+    """Return the magnitudes in physical units, one line for each unknown.
+
+    Args:
+        scaling: of a programme, such as `prepared.compound.programmes[0].scaling`.
+        problem: that it belongs to.
+    """
+    system = problem.system
+    rows = [("duration", scaling.horizon, "s")]
+    rows += [(label.name, s, label.unit) for label, s in zip(system.label("x", len(scaling.x)), scaling.x, strict=True)]
+    rows += [(label.name, s, label.unit) for label, s in zip(system.label("u", len(scaling.u)), scaling.u, strict=True)]
+    width = max(len(name) for name, _, _ in rows)
+    return "\n".join(f"{name:{width}s}  {size:12.6g} {unit}".rstrip() for name, size, unit in rows)
+
+
 def unscaled(problem: Problem, free: int) -> Scaling:
     """Return the scaling that leaves every unknown in its physical unit."""
     system = problem.system
@@ -51,13 +66,16 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     places = guess.x[:: max(1, len(guess.x) // 4)]
-    slopes = np.abs(np.array([np.array(function(x, np.zeros(system.u.numel()), p)[1]) for x in places]))
+    nu, count = system.u.numel(), len(places)
+    held = np.zeros((nu, count)), ca.repmat(p, 1, count)
+    slopes = np.abs(np.array(function.map(count)(places.T, *held)[1]).T.reshape(count, nu, -1).transpose(0, 2, 1))
     slopes[~np.isfinite(slopes)] = 0.0
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
     u = magnitude(problem, system.u)
     u = np.where(np.isfinite(u), u, _control_size(np.max(np.abs(guess.u), axis=0, initial=0.0), needed, slopes))
-    corners = [signs * u for signs in np.vstack([np.zeros(len(u)), np.eye(len(u)), -np.eye(len(u))])]
-    built = np.array([np.abs(np.array(function(x, corner, p)[0])).ravel() for x in places for corner in corners])
+    corners = np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u
+    x_all, u_all = np.repeat(places, len(corners), axis=0), np.tile(corners, (count, 1))
+    built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
     built[~np.isfinite(built)] = 0.0
     reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))
     x = np.where(np.isfinite(limited), limited, reached)

@@ -15,11 +15,11 @@ from ocp.collocation import Scheme, radau
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, chain, smooth
-from ocp.ipopt import Answer, Ipopt, build, run
+from ocp.ipopt import Answer, Ipopt, Solver, build, run
 from ocp.phases import Start, as_guesses, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
-from ocp.scaling import from_limits, unscaled
+from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
@@ -36,7 +36,8 @@ class Prepared:
     compound: Compound
     settings: Ipopt
     setup: float  # seconds spent so far
-    cold: ca.Function
+    first: tuple[object, object, list[Guess]] | None  # problem, parameter values and the smooth guess for them
+    cold: Solver
 
     def __call__(
         self,
@@ -63,6 +64,11 @@ class Prepared:
         if guess is None or (isinstance(guess, list | tuple) and not isinstance(guess[0], Guess | Solution)):
             return climb(here, DEFAULT if guess is None else tuple(guess), values)
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
+
+    def scales(self) -> str:
+        """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
+        parts = [table(programme.scaling, programme.problem) for programme in self.compound.programmes]
+        return "\n\n".join(parts)
 
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
         """Return the parameter values of every phase, nominal where `values` is silent."""
@@ -112,10 +118,10 @@ class Prepared:
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
             parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
-        function = build(self.compound.nlp, self.compound.derivatives, self.settings, warm=True) if warm else self.cold
+        chosen = build(self.compound.nlp, self.compound.derivatives, self.settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
-        answer = run(function, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]))
+        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]))
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
@@ -203,7 +209,8 @@ def prepare(
         programmes.append(transcribe(phase, scheme, grid, scaling))
     compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
     cold = build(compound.nlp, compound.derivatives, solver, warm=False)
-    return Prepared(problem, compound, solver, time.perf_counter() - begun, cold)
+    known = (problem, every, guesses) if given is None else None
+    return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
 
 
 def solve(

@@ -26,6 +26,7 @@ from ocp import (
     end,
     multistart,
     point_to_point,
+    radau,
     solve,
     start,
     uniform,
@@ -53,11 +54,11 @@ def test_three_distinct_optima_and_the_best_first() -> None:
     # One start alone reports success and is 8 % slower: that is what the user must be told.
     assert solve(task, grid=uniform(20)).duration > 1.05 * costs[0]
     # They are no artefacts of a coarse grid: each stays itself on a finer one, and verifies there.
-    finer = [solve(task, grid=uniform(120), guess=optimum.solution) for optimum in optima[:3]]
+    finer = [solve(task, radau(5), uniform(60), guess=optimum.solution) for optimum in optima[:3]]
     for fine, optimum in zip(finer, optima, strict=False):
         assert fine.ok
         assert fine.duration == pytest.approx(optimum.solution.duration, rel=1e-2)
-        assert verify(fine).drift < 2e-6
+        assert not verify(fine).failures
         assert optimum.seconds > 0.0
     assert np.all(np.diff([fine.duration for fine in finer]) > 0.0)
 
