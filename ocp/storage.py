@@ -6,8 +6,6 @@ import io
 import json
 import os
 import uuid
-import zipfile
-import zlib
 from dataclasses import asdict
 from pathlib import Path
 
@@ -21,16 +19,6 @@ from ocp.solution import Solution, Status, Timings
 FORMAT = "hamel-solution"
 VERSION = 1
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
-UNREADABLE = (
-    KeyError,
-    ValueError,
-    TypeError,
-    EOFError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
-    RuntimeError,
-)
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
 
 
@@ -109,7 +97,7 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         with np.load(content, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
-    except UNREADABLE as error:
+    except Exception as error:  # zipfile, zlib, tokenize, numpy and json each raise their own for damaged bytes
         raise ValueError(f"{path}: no readable solution file ({error})") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise ValueError(f"{path}: no solution file, expected the format {FORMAT!r}")

@@ -165,11 +165,12 @@ def totals(results: Results) -> list[str]:
     for problem in dict.fromkeys(key[0] for key in results):
         for n in (50, 200):
             for name in ("hamel", "given"):
-                shares = {c: ratio(results, problem, (n, name), (n, "element"), c) for c in COLUMNS[:4] + COLUMNS[5:6]}
+                shares = {c: ratio(results, problem, (n, name), (n, "element"), c) for c in COLUMNS[:6]}
                 if np.isfinite(shares["total"]):
-                    parts = ", ".join(f"{column} {share:.2f}" for column, share in shares.items() if column != "total")
                     lines.append(
-                        f"{problem} N = {n}: {name} / element in total {shares['total']:.2f}, goal 1.15 ({parts})"
+                        f"{problem} N = {n}: {name} / element in total {shares['total']:.2f}, in processor time "
+                        f"{shares['cpu']:.2f}, goal 1.15 (set-up {shares['setup']:.2f}, derivatives "
+                        f"{shares['derivatives']:.2f}, solver {shares['solver']:.2f}, iterations {shares['iterations']:.2f})"
                     )
             others = [(name, ratio(results, problem, (n, name), (n, "hamel"), "total")) for name in CONTENDERS]
             found = [f"{name} {share:.3g}" for name, share in others if np.isfinite(share) and name != "hamel"]

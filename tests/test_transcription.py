@@ -27,9 +27,9 @@ from ocp import (
     start,
     uniform,
 )
+from ocp.phases import from_solution
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import Scaling, unscaled
-from ocp.phases import from_solution
 from ocp.transcription import transcribe
 
 GRID = given([0.0, 0.2, 0.65, 1.0])
