@@ -199,7 +199,8 @@ def describe(
     say(f"t_f          {solution.duration:.6f} s ({solution.status.name.lower()}, {solution.iterations} iterations)")
     say(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
     say(f"drift        {report.drift:.1e} of the largest state, re-integrated at 1e-12")
-    say(f"limits       exceeded by {report.violation:.1e} of their range, nodes or between {report.violation.what}")
+    where = f" ({report.violation.what})" if report.violation > 0.0 else ""
+    say(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
     say(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")
     say(f"energy       balance open by {report.energy:.1e}")
     say(f"torques      recovered by Lagrange inverse dynamics, {difference:.1e} of the limit from the controls")
