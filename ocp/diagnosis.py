@@ -45,6 +45,37 @@ def contradictions(problem: Problem | Sequence) -> Iterator[str]:
                 for label, a, b, under, over in zip(labels, low, high, *phase.limits(where, symbols), strict=True):
                     yield from _end_against_limit(label, where.value, (a, b), (under, over))
         yield from _ends_outside(phase)
+        yield from _too_far(phase)
+
+
+def _too_far(phase: Problem) -> Iterator[str]:
+    """Yield states that must travel further than limits on their rate allow in the longest duration."""
+    system, horizon = phase.system, phase.horizon
+    longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
+    limited = [c for c in phase.subject_to if c.where is Where.ALONG]
+    if not np.isfinite(longest) or not limited:
+        return
+    low, high = phase.limits(Where.START, system.x)
+    last_low, last_high = phase.limits(Where.END, system.x)
+    expression = ca.vertcat(*(c.expression for c in limited))
+    lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
+    # Which limited expression is the rate of which state is found by numbers: graphs of one value may differ.
+    everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
+    draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
+    p = ca.DM(list(system.nominal.values()))
+    seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
+    rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
+    for i, label in enumerate(_labels(phase, "x", system.x)):
+        for c in range(values.shape[1]):
+            if not np.allclose(rates[:, i], values[:, c], rtol=1e-10, atol=1e-14):
+                continue
+            for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
+                if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
+                    yield (
+                        f"{label.name} has {way:.4g} {label.unit} to go, which takes at least {way / fastest:.4g} s at "
+                        f"its limit of {fastest:.4g} {label.unit}/s, and the duration is at most {longest:.4g} s; "
+                        "allow more time or more speed"
+                    )
 
 
 def _end_against_limit(

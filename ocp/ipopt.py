@@ -127,7 +127,7 @@ def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, 
     begun = time.perf_counter()
     low, high, rows_low, rows_high = bounds
     try:
-        solver.watch.reset()
+        solver.watch.reset(rows_low, rows_high)
         with interruptible(solver.watch):
             found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
         solver.watch.clear()
@@ -158,8 +158,9 @@ class Watch(ca.Callback):  # type: ignore[misc]
         self.reset()
         self.construct("watch", {})
 
-    def reset(self) -> None:
-        """Begin anew: no request to stop, no iterations."""
+    def reset(self, low: Array | None = None, high: Array | None = None) -> None:
+        """Begin anew, with the limits of the rows: no request to stop, no iterations."""
+        self._low, self._high = low, high
         self.stop = False
         self.count, self._told = 0, False
         self._begun = self._last = time.perf_counter()
@@ -188,14 +189,21 @@ class Watch(ca.Callback):  # type: ignore[misc]
         self.count += 1
         if self._shown and now - self._begun > QUIET_SECONDS and now - self._last > 0.5:
             self._last, self._told = now, True
-            line = f"  iteration {self.count}, cost {float(arg[1]):.6g}, {now - self._begun:.0f} s"
-            print(f"\r{line:60s}", end="", file=sys.stderr, flush=True)
+            g = np.array(arg[2]).ravel()
+            beyond = (
+                0.0
+                if self._low is None or self._high is None
+                else float(np.max([self._low - g, g - self._high], initial=0.0))
+            )
+            line = f"  iteration {self.count}, cost {float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
+            line += f"{now - self._begun:.0f} s"
+            print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
         return [int(self.stop)]
 
     def clear(self) -> None:
         """Wipe the line of progress, if there is one."""
         if self._told:
-            print(f"\r{'':60s}\r", end="", file=sys.stderr, flush=True)
+            print(f"\r{'':76s}\r", end="", file=sys.stderr, flush=True)
 
 
 @contextmanager

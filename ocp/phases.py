@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from collections.abc import Sequence as Several
 from typing import Any
@@ -12,8 +13,10 @@ from ocp.guess import Guess
 from ocp.problem import Problem
 from ocp.sequence import Sequence, SequenceSolution
 from ocp.solution import Solution
+from ocp.storage import load
 
-Start = Guess | Solution | SequenceSolution
+Start = Guess | Solution | SequenceSolution | str | os.PathLike[str]
+STARTS = (Guess, Solution, SequenceSolution, str, os.PathLike)
 
 
 def phases_of(problem: Problem | Sequence) -> tuple[Problem, ...]:
@@ -52,9 +55,10 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
         raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
     made = []
     for phase, part in zip(wanted, parts, strict=True):
-        if not isinstance(part, Guess | Solution):
-            raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, a ladder of rungs or None")
-        one = part if isinstance(part, Guess) else from_solution(part)
+        known = load(part) if isinstance(part, str | os.PathLike) else part
+        if not isinstance(known, Guess | Solution):
+            raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, its file, a ladder of rungs or None")
+        one = known if isinstance(known, Guess) else from_solution(known)
         sizes = one.x.shape[1], one.u.shape[1]
         if sizes != (phase.system.x.numel(), phase.system.u.numel()):
             expected = phase.system.x.numel(), phase.system.u.numel()

@@ -16,7 +16,7 @@ from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, chain, smooth
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
-from ocp.phases import Start, as_guesses, parameter_values, phases_of
+from ocp.phases import STARTS, Start, as_guesses, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
@@ -49,7 +49,7 @@ class Prepared:
         """Solve.
 
         Args:
-            guess: a Guess or a solution, or a ladder of rungs (see `ocp.ladder`); None for the default ladder.
+            guess: a Guess, a solution or its file, or a ladder of rungs (see `ocp.ladder`); None for the default one.
             values: of parameters, by name; nominal where silent.
             problem: one that differs in limits, start and end values or the guess of the duration only.
             grid: of as many elements.
@@ -61,7 +61,7 @@ class Prepared:
 
         here = self.adapted(problem, grid)
         numbers = parameter_values(here.problem, values)
-        if guess is None or (isinstance(guess, list | tuple) and not isinstance(guess[0], Guess | Solution)):
+        if guess is None or (isinstance(guess, list | tuple) and not isinstance(guess[0], STARTS)):
             return climb(here, DEFAULT if guess is None else tuple(guess), values)
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
 
@@ -200,7 +200,7 @@ def prepare(
         if not isinstance(value, kinds):
             raise TypeError(f"{name}: got {value!r}, expected {getattr(kinds, '__name__', kinds)}")
     every = parameter_values(problem, values)
-    given = guess if isinstance(guess, Start) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
+    given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
     guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
     programmes = []
     for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
@@ -228,8 +228,8 @@ def solve(
         scheme: default radau(3), constant controls.
         grid: default uniform(50).
         solver: settings, default Ipopt().
-        guess: a Guess, a solution of the same system (on any grid), or a ladder of rungs; None for the default
-            ladder: a smooth motion, the straight line, a coarse grid, wider limits, until one of them is solved.
+        guess: a Guess, a solution of the same system (on any grid) or its file, or a ladder of rungs; None for the
+            default ladder: a smooth motion, the straight line, a coarse grid, wider limits, until one is solved.
         values: of parameters, by name; nominal where silent.
 
     Returns:

@@ -35,6 +35,8 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     Raises:
         OSError: the file cannot be written; what was there before is untouched.
     """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"save: got {solution!r}, expected a Solution; save the phases of a sequence one by one")
     system = solution.problem.system if solution.problem is not None else None
     nx, nu = solution.states.shape[2], solution.controls.shape[2]
     about = {

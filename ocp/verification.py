@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from ocp.constraint import Where
 from ocp.problem import Free, Problem
+from ocp.sequence import SequenceSolution
 from ocp.simulation import simulate
 from ocp.solution import Solution
 
@@ -80,7 +82,7 @@ class Report:
         return "\n".join([*lines, "verified" if self.ok else "not verified: " + "; ".join(self.failures)])
 
 
-def verify(solution: Solution, problem: Problem | None = None) -> Report:
+def verify(solution: Solution | SequenceSolution, problem: Problem | None = None) -> Report:
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
@@ -90,7 +92,8 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
-        solution: of any status.
+        solution: of any status; of a sequence, the worst figure of its phases counts, and gaps between them are
+            violations.
         problem: needed only for a solution loaded without it.
 
     Raises:
@@ -99,6 +102,8 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     Source: the Hamiltonian of an autonomous problem is constant (Pontryagin et al., The Mathematical Theory of
         Optimal Processes); the gap bounds the first-order gain of the cost.
     """
+    if isinstance(solution, SequenceSolution):
+        return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
     problem = problem or solution.problem
     if problem is None:
         raise ValueError("verify: this solution was loaded without its model; pass problem=...")
@@ -113,6 +118,40 @@ def verify(solution: Solution, problem: Problem | None = None) -> Report:
     hamiltonian, mean, offset, switching = _pontryagin(solution, problem)
     figures = tuple(figure for _, figure in beyond)
     return Report(solution.status.name, drift, end, violation, hamiltonian, mean, offset, switching, energy, figures)
+
+
+def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
+    """Return the distance of both sides of every link, relative to its largest value in the phase before."""
+    found = []
+    for k, (before, after) in enumerate(pairwise(solution.phases)):
+        left, right = solution.problem.sides[k]
+        path = before.signal(left, before.t)
+        apart = np.abs(path[-1] - after.signal(right, 0.0))
+        size = np.maximum(np.max(np.abs(path), axis=0), 1e-12)
+        for i, amount in enumerate(apart):
+            figure = Figure(amount, "", "link", f"link {i + 1} at junction {k + 1}", before.duration)
+            found.append((float(amount / size[i]), figure))
+    return found
+
+
+def _merged(reports: list[Report], gaps: list[tuple[float, Figure]]) -> Report:
+    """Return the worst figures of several reports; a gap between phases counts as a violated limit."""
+
+    def worst(name: str) -> Figure:
+        figures: list[Figure] = [getattr(report, name) for report in reports]
+        defined = [figure for figure in figures if not np.isnan(figure)]
+        return max(defined, default=figures[0])
+
+    violation = worst("violation")
+    share, gap = max(gaps, key=lambda pair: pair[0])
+    if share > violation:
+        violation = Figure(share, "share", "the size of the link", gap.what, gap.at)
+    bad = [report.status for report in reports if report.status != "SOLVED"]
+    excess = tuple(figure for report in reports for figure in report.excess) + tuple(figure for _, figure in gaps)
+    return Report(
+        bad[0] if bad else "SOLVED", worst("drift"), worst("drift_end"), violation, worst("hamiltonian"),
+        reports[0].hamiltonian_value, worst("hamiltonian_offset"), worst("switching"), worst("energy"), excess,
+    )  # fmt: skip
 
 
 def _sizes(solution: Solution, problem: Problem) -> Array:

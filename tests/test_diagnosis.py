@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -10,7 +14,23 @@ import numpy as np
 import pytest
 from failing import DRIVES, FAILING, FROM, GRID, TO, WITHIN, Failing, arm
 
-from ocp import Ipopt, Problem, Status, System, along, end, point_to_point, solve, start
+from ocp import (
+    Control,
+    Fixed,
+    Ipopt,
+    Problem,
+    Status,
+    System,
+    along,
+    end,
+    ipopt,
+    point_to_point,
+    prepare,
+    radau,
+    solve,
+    start,
+    uniform,
+)
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "failures.md"
 
@@ -65,3 +85,47 @@ def test_an_option_that_ipopt_does_not_know_is_named() -> None:
     task = point_to_point(arm(), FROM, TO, tau=DRIVES)
     with pytest.raises(ValueError, match="no_such_option"):
         solve(task, grid=GRID, solver=Ipopt(extra={"no_such_option": 1}))
+
+
+def test_a_duration_below_the_speed_limit_is_found_before_solving() -> None:
+    system = arm()
+    slow = point_to_point(system, FROM, TO, tau=DRIVES, v=[2.0, 2.0, 9.0, 2.0], horizon=Fixed(0.9))
+    solution = solve(slow, grid=GRID)
+    assert solution.status is Status.INFEASIBLE
+    assert solution.solver_status == "not started"
+    assert "psi has 2 rad to go, which takes at least 1 s at its limit of 2 rad/s" in solution.message
+    assert solve(replace(slow, horizon=Fixed(1.2)), grid=GRID).ok
+
+
+def test_ctrl_c_returns_the_last_iterate() -> None:
+    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
+    prepared = prepare(task, grid=uniform(400))
+    before = signal.getsignal(signal.SIGINT)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    solution = prepared()
+    timer.cancel()
+    assert solution.status is Status.STOPPED
+    assert solution.solver_status == "User_Requested_Stop"
+    assert np.all(np.isfinite(solution.states))
+    assert solution.iterations > 0
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_collocated_control_beyond_its_limits_is_told() -> None:
+    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
+    loose = solve(task, radau(3, Control.COLLOCATED), GRID)
+    assert loose.ok
+    assert "leaves its limits between the collocation points by" in loose.message
+    for control in (Control.CONSTANT, Control.LINEAR):
+        assert "between" not in solve(task, radau(3, control), GRID).message
+
+
+def test_progress_on_a_long_solve(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ipopt, "QUIET_SECONDS", -1.0)
+    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
+    assert solve(task, grid=uniform(300), solver=Ipopt(progress=True)).ok
+    told = capsys.readouterr().err
+    assert re.search(r"iteration \d+, cost [\d.]+, infeasibility \d\.\de[-+]\d+, \d+ s", told)
+    assert solve(task, grid=GRID, solver=Ipopt(progress=False)).ok
+    assert capsys.readouterr().err == ""

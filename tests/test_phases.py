@@ -80,6 +80,11 @@ def test_pick_up_and_carry(name: str) -> None:
     np.testing.assert_allclose(before.signal("v", before.duration), after.signal("v", 0.0), atol=1e-9)
     for phase in both.phases:
         assert not verify(phase).failures
+    whole = verify(both)
+    assert whole.ok
+    assert whole.drift == max(verify(phase).drift for phase in both.phases)
+    torn = replace(both, phases=(before, replace(after, states=after.states + 0.01)))
+    assert verify(torn).violation > 1e-3
     # Rest at the junction decouples the phases: each alone takes as long.
     alone = solve(fetch, grid=grid)
     rest = (start(loaded["q"], pick), start(loaded["v"], 0.0))
