@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -42,6 +42,17 @@ class Local:
         """Return expressions in the unknowns, inputs and `more` as a function, mapped over all copies."""
         inputs = [self.unknowns, *self.inputs, *more]
         return ca.Function("local", inputs, ca.cse([ca.densify(e) for e in expressions])).map(self.copies)
+
+    def part(self, cost: bool) -> Local:
+        """Return the function of the outputs that add to the cost, or of those that add to rows."""
+        wanted = [
+            a
+            for a, rows in enumerate(self.rows)
+            if (self.cost[a].any() and not self.outputs[a].is_zero() if cost else len(rows) > 0)
+        ]
+        rows = [self.rows[a] for a in wanted]
+        kept = self.cost[wanted] if cost else np.zeros((len(wanted), self.copies))
+        return replace(self, outputs=self.outputs[wanted], rows=rows, cost=kept)
 
     def gather(self, size: int) -> ca.DM:
         """Return the matrix from the unknowns (size,) of the programme to those of all copies (nw * copies,)."""
@@ -86,6 +97,9 @@ class Local:
         return parts
 
 
+Placed = tuple[Local, tuple[ca.MX, ...]]  # a local function with its unknowns and inputs, one column for each copy
+
+
 def assemble(
     size: int,
     linear: tuple[Array, Array, Array],
@@ -105,51 +119,49 @@ def assemble(
         s: parameters of the programme.
     """
     base = matrix_of(*linear, (rows, size)) @ z
-    selects = [local.select(rows) for local, _ in blocks]
-    weights = [ca.DM(local.cost.ravel(order="F")) for local, _ in blocks]
-    arguments = [
-        (ca.reshape(local.gather(size) @ z, local.unknowns.numel(), local.copies), *inputs) for local, inputs in blocks
-    ]
+    # What adds to the rows and what adds to the cost are functions of their own: IPOPT asks for them one by one.
+    limited: list[Placed] = []
+    priced: list[Placed] = []
+    for local, inputs in blocks:
+        unknowns = ca.reshape(local.gather(size) @ z, local.unknowns.numel(), local.copies)
+        for group, part in ((limited, local.part(cost=False)), (priced, local.part(cost=True))):
+            if part.rows:
+                group.append((part, (unknowns, *inputs)))
+    selects = [local.select(rows) for local, _ in limited]
+    weights = [ca.DM(local.cost.ravel(order="F")) for local, _ in priced]
 
-    def cost_and_rows(values: list[ca.MX]) -> tuple[ca.MX, ca.MX]:
-        flat = [ca.vec(value) for value in values]
-        cost = sum((ca.dot(weight, v) for weight, v in zip(weights, flat, strict=True)), ca.MX(0))
-        return cost, base + sum((select @ v for select, v in zip(selects, flat, strict=True)), ca.MX(rows, 1))
+    def cost_of(values: list[ca.MX]) -> ca.MX:
+        return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), ca.MX(0))
 
-    plain = [local.function([local.outputs])(*given) for (local, _), given in zip(blocks, arguments, strict=True)]
-    f, g = cost_and_rows(plain)
+    def rows_of(values: list[ca.MX]) -> ca.MX:
+        return base + sum((select @ ca.vec(v) for select, v in zip(selects, values, strict=True)), ca.MX(rows, 1))
 
     # First derivatives: every local function returns the nonzeros of its own Jacobian.
-    values, sources, count = [], [], 0
-    jacobian: list[Part] = []
-    gradient: list[Part] = []
-    for (local, _), given in zip(blocks, arguments, strict=True):
-        slopes = ca.jacobian(local.outputs, local.unknowns)
-        value, nonzeros = local.function([local.outputs, _nonzeros(slopes)])(*given)
-        values.append(value)
-        sources.append(ca.vec(nonzeros))
-        more = local.first(slopes.sparsity(), count)
-        jacobian, gradient = jacobian + more[0], gradient + more[1]
-        count += slopes.nnz() * local.copies
+    g_value, jacobian, g_sources, g_count = _slopes(limited)
+    f_value, gradient, f_sources, f_count = _slopes(priced, cost=True)
+    f = cost_of([local.function([local.outputs])(*argument) for local, argument in priced])
+    g = rows_of([local.function([local.outputs])(*argument) for local, argument in limited])
     fixed = Triplets(linear[0], linear[1], linear[2], linear[0])
     none = Triplets.gather([])
-    source = ca.vertcat(*sources)
-    cost, constraints = cost_and_rows(values)
-    slope = scatter(Triplets.gather(jacobian), fixed, count, (rows, size))(source)
-    steepest = ca.densify(scatter(Triplets.gather(gradient), none, count, (size, 1))(source))
+    slope = scatter(Triplets.gather(jacobian), fixed, g_count, (rows, size))(g_sources)
+    steepest = ca.densify(scatter(Triplets.gather(gradient), none, f_count, (size, 1))(f_sources))
 
     # Second derivatives: multipliers of the rows become multipliers of the local outputs.
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
     sources, count = [], 0
     parts: list[Part] = []
-    for (local, _), given, select, weight in zip(blocks, arguments, selects, weights, strict=True):
+    multipliers = [select.T @ lam_g for select in selects] + [weight * lam_f for weight in weights]
+    for (local, argument), multiplier in zip(limited + priced, multipliers, strict=True):
         lam = ca.SX.sym("lam", local.outputs.numel())
         upper = ca.triu(ca.hessian(ca.dot(lam, local.outputs), local.unknowns)[0])
-        multipliers = ca.reshape(select.T @ lam_g + weight * lam_f, local.outputs.numel(), local.copies)
-        sources.append(ca.vec(local.function([_nonzeros(upper)], lam)(*given, multipliers)))
+        if upper.nnz() == 0:
+            continue
+        shaped = ca.reshape(multiplier, local.outputs.numel(), local.copies)
+        sources.append(ca.vec(local.function([_nonzeros(upper)], lam)(*argument, shaped)))
         parts += local.second(upper.sparsity(), count)
         count += upper.nnz() * local.copies
-    curvature = _upper(Triplets.gather(parts), count, size)(ca.vertcat(*sources))
+    curvature = _upper(Triplets.gather(parts), count, size)(ca.vertcat(*sources, ca.MX(0, 1)))
+    cost, constraints = cost_of(f_value), rows_of(g_value)
     derivatives = {
         "jac_g": ca.Function("nlp_jac_g", [z, s], [constraints, slope], ["x", "p"], ["g", "jac_g_x"]),
         "grad_f": ca.Function("nlp_grad_f", [z, s], [cost, steepest], ["x", "p"], ["f", "grad_f_x"]),
@@ -158,6 +170,20 @@ def assemble(
         ),
     }
     return {"x": z, "p": s, "f": f, "g": g}, derivatives
+
+
+def _slopes(blocks: Sequence[Placed], cost: bool = False) -> tuple[list[ca.MX], list[Part], ca.MX, int]:
+    """Return values, entries of the large derivative, its sources, and their number."""
+    values, sources, count = [], [], 0
+    entries: list[Part] = []
+    for local, argument in blocks:
+        slopes = ca.jacobian(local.outputs, local.unknowns)
+        value, nonzeros = local.function([local.outputs, _nonzeros(slopes)])(*argument)
+        values.append(value)
+        sources.append(ca.vec(nonzeros))
+        entries += local.first(slopes.sparsity(), count)[int(cost)]
+        count += slopes.nnz() * local.copies
+    return values, entries, ca.vertcat(*sources, ca.MX(0, 1)), count
 
 
 def _upper(entries: Triplets, sources: int, size: int) -> Scatter:
