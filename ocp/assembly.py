@@ -54,16 +54,19 @@ class Local:
         kept = self.cost[wanted] if cost else np.zeros((len(wanted), self.copies))
         return replace(self, outputs=self.outputs[wanted], rows=rows, cost=kept)
 
-    def gather(self, size: int) -> ca.DM:
-        """Return the matrix from the unknowns (size,) of the programme to those of all copies (nw * copies,)."""
-        width, copies = self.unknowns.numel(), np.arange(self.copies)
+    def gather(self, z: ca.MX) -> ca.MX:
+        """Return the unknowns of all copies (nw * copies,) from those of the programme (nz,)."""
+        size, width, copies = z.numel(), self.unknowns.numel(), np.arange(self.copies)
         parts = [
             (copies * width + c, places, coefficient, copies)
             for c, entries in enumerate(self.columns)
             for places, coefficient in entries
         ]
         t = Triplets.gather(parts)
-        return matrix_of(t.rows, t.columns, t.coefficients, (width * self.copies, size))
+        if len(t.rows) == width * self.copies and np.all(t.coefficients == 1.0):
+            # Every local unknown is one of the programme: an index does, no product is needed.
+            return z[t.columns[np.argsort(t.rows, kind="stable")].tolist()]
+        return matrix_of(t.rows, t.columns, t.coefficients, (width * self.copies, size)) @ z
 
     def select(self, rows: int) -> ca.DM:
         """Return the matrix from the outputs (no * copies,) of all copies to the rows (rows,) they add to."""
@@ -123,7 +126,7 @@ def assemble(
     limited: list[Placed] = []
     priced: list[Placed] = []
     for local, inputs in blocks:
-        unknowns = ca.reshape(local.gather(size) @ z, local.unknowns.numel(), local.copies)
+        unknowns = ca.reshape(local.gather(z), local.unknowns.numel(), local.copies)
         for group, part in ((limited, local.part(cost=False)), (priced, local.part(cost=True))):
             if part.rows:
                 group.append((part, (unknowns, *inputs)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -85,6 +86,7 @@ class Scheme:
         return lagrange_matrix(self.points, np.asarray(tau, dtype=float))
 
 
+@functools.lru_cache(maxsize=64)
 def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Radau IIA scheme: the last point is the end of the element, order 2 degree - 1.
 
@@ -109,6 +111,7 @@ def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     )  # fmt: skip
 
 
+@functools.lru_cache(maxsize=64)
 def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Gauss-Legendre scheme: all points inside the element, order 2 degree.
 
@@ -135,6 +138,7 @@ def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     )  # fmt: skip
 
 
+@functools.lru_cache(maxsize=64)
 def lobatto(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Lobatto IIIA scheme: both ends are points, order 2 degree - 2; 2 is the trapezoid, 3 Hermite-Simpson.
 

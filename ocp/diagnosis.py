@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Control
-from ocp.constraint import Where
+from ocp.constraint import Where, simple
 from ocp.guess import Guess, ends
 from ocp.problem import Fixed, Free, Problem
 from ocp.solution import Solution, Status
@@ -97,7 +97,13 @@ def _ends_outside(phase: Problem) -> Iterator[str]:
     """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state."""
     system = phase.system
     p = ca.DM(list(system.nominal.values()))
-    states = [c for c in phase.subject_to if c.where is Where.ALONG and not ca.depends_on(c.expression, system.u)]
+    states = [
+        c
+        for c in phase.subject_to
+        if c.where is Where.ALONG
+        and not ca.depends_on(c.expression, system.u)
+        and len(simple(c, ca.vertcat(system.x, system.p))) < c.expression.numel()
+    ]
     if not states or ca.symvar(ca.vertcat(*(c.expression for c in states))) == []:
         return
     first, last, fixed = ends(phase, p)

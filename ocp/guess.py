@@ -107,7 +107,7 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     share = np.linspace(0.0, 1.0, PLACES)
     x = first + share[:, None] * (last - first)
     rates = np.tile((last - first) / duration, (PLACES, 1))
-    return Guess(share, x, _balance(problem, x, rates, p), duration, np.zeros(0))
+    return Guess(share, x, _balance(problem, x, rates, p, _slopes(problem, PLACES)), duration, np.zeros(0))
 
 
 def smooth(problem: Problem, values: Several[float]) -> Guess:
@@ -127,9 +127,9 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     layers = _layers(problem)
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
-    least = np.inf
+    least, function = np.inf, _slopes(problem, SMOOTH_PLACES)
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
-        guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p)
+        guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
         used = _use(guess.u, low, high)
         if used < least:
             best, least = guess, used
@@ -167,7 +167,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
         path[:, i] = np.clip(path[:, i] + reach * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
-    guess = _follow(problem, path, duration, layers, p)
+    guess = _follow(problem, path, duration, layers, p, _slopes(problem, SMOOTH_PLACES))
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
@@ -214,17 +214,24 @@ def _path(first: Array, last: Array, layers: int) -> Array:
     return np.asarray(first + step[:, None] * (last - first))
 
 
-def _follow(problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM) -> Guess:
+def _slopes(problem: Problem, count: int) -> ca.Function:
+    """Return the rates and their derivatives by x and by u at a number of places."""
+    system = problem.system
+    by = [ca.densify(ca.jacobian(system.rate, symbols)) for symbols in (system.x, system.u)]
+    return ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), *by]).map(count)
+
+
+def _follow(
+    problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
+) -> Guess:
     """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
     system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
     still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
-    slopes = ca.densify(ca.jacobian(system.rate, system.x))
-    function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slopes]).map(len(share))
     held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
     for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
         rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
         for _ in range(ITERATIONS):
-            f, slope = (np.array(part) for part in function(x.T, *held))
+            f, slope, _ = (np.array(part) for part in function(x.T, *held))
             short = rates - f.T[:, known]
             blocks = slope.T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
             blocks = blocks[:, known[:, None], wanted]
@@ -232,7 +239,7 @@ def _follow(problem: Problem, path: Array, duration: float, layers: list[Array],
                 break
             x[:, wanted] += np.einsum("kij,kj->ki", np.linalg.pinv(blocks), short)
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
-    return Guess(share, x, _balance(problem, x, rates, p, clip=False), duration, np.zeros(0))
+    return Guess(share, x, _balance(problem, x, rates, p, function, clip=False), duration, np.zeros(0))
 
 
 def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
@@ -277,13 +284,11 @@ def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bo
     return x, whole
 
 
-def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, clip: bool = True) -> Array:
+def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Function, clip: bool = True) -> Array:
     system, count = problem.system, len(x)
     low, high = problem.limits(Where.ALONG, system.u)
     u0 = np.clip(np.zeros(len(low)), low, high)
-    slope = ca.densify(ca.jacobian(system.rate, system.u))
-    function = ca.Function("balance", [system.x, system.u, system.p], [ca.densify(system.rate), slope]).map(count)
-    f, b = (np.array(part) for part in function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count)))
+    f, _, b = (np.array(part) for part in function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count)))
     missing, blocks = rates - f.T, b.T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
     usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
     u = np.tile(u0, (count, 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from collections.abc import Sequence as Several
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,7 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
         raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
     made = []
     for phase, part in zip(wanted, parts, strict=True):
-        known = load(part) if isinstance(part, str | os.PathLike) else part
+        known = load(part) if isinstance(part, str | os.PathLike) and Path(part).exists() else part
         if not isinstance(known, Guess | Solution):
             raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, its file, a ladder of rungs or None")
         one = known if isinstance(known, Guess) else from_solution(known)
