@@ -1,5 +1,6 @@
 """Problems with a known optimum are solved to it, verified, with their switching times in place."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,7 @@ import problems
 import pytest
 
 from models.forms import canonical, hamel, lagrange
-from ocp import Control, Status, legendre, radau, solve, uniform, verify
+from ocp import Control, Status, legendre, radau, smooth, solve, uniform, verify
 
 SMOOTH = radau(3, Control.COLLOCATED)
 FORMS = {"lagrange": lagrange, "hamel": hamel, "canonical": canonical}
@@ -75,6 +76,14 @@ def test_straight_line_of_least_effort(machine, form):
     solution = solved(known, SMOOTH)
     assert solution.cost == pytest.approx(known.cost, rel=1e-7)
     assert_verified(solution)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("machine", problems.MASSLESS)
+def test_smooth_guess_leads_to_the_same_optimum(machine, form):
+    known = problems.straight_line(machine, form=FORMS[form])
+    solution = solved(replace(known, guess=smooth(known.problem, [])), SMOOTH)
+    assert solution.cost == pytest.approx(known.cost, rel=1e-7)
 
 
 @pytest.mark.parametrize("machine", problems.MASSLESS)

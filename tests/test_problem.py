@@ -341,6 +341,17 @@ def test_scaling_is_by_powers_of_two_near_the_limits():
     assert made.horizon == 1.0
 
 
+def test_rounding_in_a_guess_is_no_magnitude():
+    z = ca.SX.sym("z", 2)
+    problem = Problem(System(z, u, none, ca.vertcat(u, 1e-17 * z[0])), Fixed(2.0), subject_to=(start(z, 0),))
+    noisy = Guess(
+        np.array([0.0, 1.0]), np.array([[0.0, 3e-17], [1.0, -2e-17]]), np.full((2, 1), 1e-16), 2.0, np.zeros(0)
+    )
+    made = from_limits(problem, noisy, [], np.zeros(0, dtype=int))
+    assert made.x[1] > 1e-6
+    assert made.u[0] > 1e-6
+
+
 @pytest.mark.parametrize("limits", [(), (along(u, -900, 900),)], ids=["no limits", "limits"])
 def test_scaling_does_not_change_the_optimum(limits):
     # At rest with nothing to balance: what the guess has as control is rounding, and no magnitude.
