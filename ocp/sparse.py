@@ -42,7 +42,7 @@ def sparsity_of(rows: Array, columns: Array, shape: tuple[int, int]) -> tuple[ca
 def matrix_of(rows: Array, columns: Array, values: Array, shape: tuple[int, int]) -> ca.DM:
     """Return the sparse matrix with the given entries, repeated ones added."""
     pattern, place = sparsity_of(rows, columns, shape)
-    return ca.DM(pattern, np.bincount(place, weights=values, minlength=pattern.nnz()))
+    return ca.DM(pattern, np.bincount(place, weights=values, minlength=pattern.nnz()).tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,4 +73,4 @@ def scatter(varying: Triplets, fixed: Triplets, sources: int, shape: tuple[int, 
     first, second = place[: len(varying.rows)], place[len(varying.rows) :]
     constant = np.bincount(second, weights=fixed.coefficients, minlength=pattern.nnz())
     operator = matrix_of(first, varying.sources, varying.coefficients, (pattern.nnz(), sources))
-    return Scatter(pattern, ca.DM(constant), operator)
+    return Scatter(pattern, ca.DM(constant.tolist()), operator)
