@@ -245,7 +245,8 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
     function = ca.Function("f", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
     left = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T) * solution.duration
     left[~np.isfinite(left)] = np.inf
-    size = np.maximum(np.max(np.abs(x), axis=0), 1e-12)
+    size = np.max(np.abs(x), axis=0)
+    size = np.maximum(size, max(1e-9 * float(np.max(size)), 1e-300))
     k, i = np.unravel_index(np.argmax(left / size), left.shape)
     if left[k, i] / size[i] > NOTICEABLE:
         label = system.label("x", x.shape[1])[i]

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from collections.abc import Sequence as Several
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from ocp.constraint import Where, simple, start
+from ocp.constraint import Where, simple
 from ocp.problem import Fixed, Free, Problem
-
-if TYPE_CHECKING:
-    from ocp.sequence import Sequence
 
 Array = np.ndarray
 PLACES = 11  # at which the controls of a straight line are balanced
@@ -67,28 +62,6 @@ class Guess:
     def control(self, share: Array) -> Array:
         """Return u at shares of the horizon, shape (..., nu)."""
         return _interpolate(share, self.share, self.u)
-
-
-def chain(
-    problem: Problem | Sequence, values: list[list[float]], make: Callable[[Problem, Several[float]], Guess]
-) -> list[Guess]:
-    """Return one guess for each phase, each beginning where the one before it ends.
-
-    Args:
-        problem: a Problem, or a Sequence whose links say what is continuous.
-        values: of the parameters of each phase.
-        make: straight_line or smooth.
-    """
-    if isinstance(problem, Problem):
-        return [make(problem, values[0])]
-    guesses = [make(problem.problems[0], values[0])]
-    for k, phase in enumerate(problem.problems[1:]):
-        before, after = problem.sides[k]
-        old = problem.problems[k].system
-        reached = ca.Function("reached", [old.x, old.p], [ca.densify(before)])(guesses[-1].x[-1], values[k])
-        there = replace(phase, subject_to=(*phase.subject_to, start(after, np.array(reached).ravel())))
-        guesses.append(make(there, values[k + 1]))
-    return guesses
 
 
 def straight_line(problem: Problem, values: Several[float]) -> Guess:
@@ -204,6 +177,13 @@ def _layers(problem: Problem) -> list[Array]:
     return layers
 
 
+def _drifted(path: Array, ends: tuple[Array, Array], duration: float) -> Array:
+    """Return a path with the slopes that its ends have by themselves, rates (nx,) at the first and last state."""
+    s = np.linspace(0.0, 1.0, len(path))[:, None]
+    leaving, arriving = s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5, -4.0 * s**3 + 7.0 * s**4 - 3.0 * s**5
+    return np.asarray(path + duration * (leaving * ends[0] + arriving * ends[1]))
+
+
 def _path(first: Array, last: Array, layers: int) -> Array:
     """Return a path (K, nx) between two states: a quintic, or a septic for more than two integrations."""
     share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
@@ -228,6 +208,10 @@ def _follow(
     system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
     still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
     held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
+    begun, _, _ = function(x.T, *held)
+    speeds = np.nan_to_num(np.array(begun).T[[0, -1]])
+    if layers:
+        x[:, layers[-1]] = _drifted(x[:, layers[-1]], (speeds[0, layers[-1]], speeds[1, layers[-1]]), duration)
     for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
         rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
         for _ in range(ITERATIONS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -10,14 +11,16 @@ import numpy as np
 
 from ocp.constraint import Constraint, Where, simple
 from ocp.grid import Grid
-from ocp.guess import Guess, chain, smooth, straight_line
-from ocp.phases import as_guesses, parameter_values, phases_of
+from ocp.guess import Guess, smooth, straight_line
+from ocp.phases import as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.sequence import Sequence
 from ocp.solution import Status
 from ocp.solver import Outcome, Prepared, prepare
 
 Values = Mapping[str, float] | None
+PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
+ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # for the shortest motion that a failed solve is compared with
 
 
 class Rung(Protocol):
@@ -126,8 +129,11 @@ def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcom
     """
     numbers = parameter_values(prepared.problem, values)
     best: Outcome | None = None
-    tried = []
+    tried: list[str] = []
+    begun = time.perf_counter()
     for rung in rungs:
+        if tried and rungs is DEFAULT and time.perf_counter() - begun > PATIENCE:
+            break
         made = rung(prepared, values)
         if made is None:
             continue
@@ -155,8 +161,12 @@ def _shortest(prepared: Prepared, values: Values) -> str:
     if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
         return ""
     asked = problem.horizon.duration
+    limits = np.concatenate(problem.limits(Where.ALONG, problem.system.u))
+    if not np.all(np.isfinite(limits)):
+        return ""  # nothing keeps the motion from being arbitrarily short
+    brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
     fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
-    found = prepare(fastest, programme.scheme, programme.grid, prepared.settings, values=values)((Smooth(),), values)
+    found = prepare(fastest, programme.scheme, programme.grid, brief, values=values)((Smooth(),), values)
     if not found.ok or found.duration <= asked:
         return ""
     return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"

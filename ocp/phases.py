@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from collections.abc import Sequence as Several
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
+from ocp.constraint import start
 from ocp.guess import Guess
 from ocp.problem import Problem
 from ocp.sequence import Sequence, SequenceSolution
@@ -76,3 +79,25 @@ def from_solution(solution: Solution) -> Guess:
     t = share * solution.duration
     free = np.array(list(solution.free.values()))
     return Guess(share, solution.x(t), solution.u(t), solution.duration, free)
+
+
+def chain(
+    problem: Problem | Sequence, values: list[list[float]], make: Callable[[Problem, Several[float]], Guess]
+) -> list[Guess]:
+    """Return one guess for each phase, each beginning where the one before it ends.
+
+    Args:
+        problem: a Problem, or a Sequence whose links say what is continuous.
+        values: of the parameters of each phase.
+        make: straight_line or smooth.
+    """
+    if isinstance(problem, Problem):
+        return [make(problem, values[0])]
+    guesses = [make(problem.problems[0], values[0])]
+    for k, phase in enumerate(problem.problems[1:]):
+        before, after = problem.sides[k]
+        old = problem.problems[k].system
+        reached = ca.Function("reached", [old.x, old.p], [ca.densify(before)])(guesses[-1].x[-1], values[k])
+        there = replace(phase, subject_to=(*phase.subject_to, start(after, np.array(reached).ravel())))
+        guesses.append(make(there, values[k + 1]))
+    return guesses

@@ -13,6 +13,7 @@ from ocp.guess import Guess
 from ocp.problem import Problem
 
 Array = np.ndarray
+NEGLIGIBLE = 1e-16  # share of the largest size below which a size is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,8 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     places = guess.x[:: max(1, len(guess.x) // 4)]
+    # A guess may keep a state still by terms that cancel; slightly other states show what its rate is made of.
+    places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
     nu, count = system.u.numel(), len(places)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
     slopes = np.abs(np.array(function.map(count)(places.T, *held)[1]).T.reshape(count, nu, -1).transpose(0, 2, 1))
@@ -78,9 +81,18 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
     built[~np.isfinite(built)] = 0.0
     reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))
-    x = np.where(np.isfinite(limited), limited, reached)
+    units = [label.unit for label in system.label("x", len(reached))]
+    x = np.where(np.isfinite(limited), limited, _without_rounding(reached, units))
     parameters = np.abs([values[i] for i in free]) if len(free) else np.ones(0)
     return Scaling(_power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters))
+
+
+def _without_rounding(reached: Array, units: list[str]) -> Array:
+    """Replace sizes that are rounding beside the others by the largest with the same unit, or by one."""
+    least = NEGLIGIBLE * np.max(reached, initial=0.0)
+    same = [max(r for r, other in zip(reached, units, strict=True) if other == unit) for unit in units]
+    alike = np.where(np.array(same) > least, same, 1.0) if len(same) else reached
+    return np.where(reached > least, reached, alike)
 
 
 def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:

@@ -14,9 +14,9 @@ import numpy as np
 from ocp.collocation import Scheme, radau
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
-from ocp.guess import Guess, chain, smooth
+from ocp.guess import Guess, smooth
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
-from ocp.phases import STARTS, Start, as_guesses, parameter_values, phases_of
+from ocp.phases import STARTS, Start, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import uuid
 from dataclasses import asdict
@@ -73,7 +74,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
                 slopes=solution.slopes,
                 costates=solution.costates,
                 ends=solution.grid.ends,
-                about=np.array(json.dumps(about)),
+                about=np.array(json.dumps(_without_nan(about), allow_nan=False)),
             )
         part.replace(target)
     except BaseException:
@@ -110,13 +111,26 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)
         return Solution(
-            Status[about["status"]], str(about["message"]), str(about["solver_status"]), float(about["duration"]),
-            float(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
+            Status[about["status"]], str(about["message"]), str(about["solver_status"]), _number(about["duration"]),
+            _number(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
             _numbers(about["free"]), _numbers(about["values"]), Timings(**about["timings"]), int(about["iterations"]),
             grid, scheme, problem, str(about["rung"]), dict(about["log"]),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: the solution file is incomplete or damaged ({error})") from None
+
+
+def _without_nan(value: object) -> object:
+    """Return plain data with None for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 def _numbers(about: dict[str, float]) -> dict[str, float]:

@@ -242,7 +242,11 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)
     size = max(abs(problem.minimise.time), float(weights @ sizes[0] / total), 1e-300)
-    target = -problem.minimise.time if isinstance(problem.horizon, Free) else mean
+    horizon = problem.horizon
+    inside = isinstance(horizon, Free) and horizon.lower < solution.duration * (1.0 - 1e-9)
+    # A duration at its limit has a multiplier of its own, and the Hamiltonian another constant value.
+    free = inside and isinstance(horizon, Free) and solution.duration * (1.0 + 1e-9) < horizon.upper
+    target = -problem.minimise.time if free else mean
     far = np.abs(values[0] - target)
     place = int(np.argmax(far))
     deviation = Figure(far[place] / size, "share", "the mean size of its terms", "H", times[place])
