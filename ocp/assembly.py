@@ -107,6 +107,7 @@ def assemble(
     size: int,
     linear: tuple[Array, Array, Array],
     rows: int,
+    time: tuple[Array, float, ca.MX],
     blocks: Sequence[tuple[Local, Sequence[ca.MX]]],
     z: ca.MX,
     s: ca.MX,
@@ -117,6 +118,7 @@ def assemble(
         size: number of unknowns.
         linear: rows, columns and values of the constant part of the rows.
         rows: number of rows of g.
+        time: places of the duration among the unknowns, its price there, and the cost of a duration that is none.
         blocks: local functions, each with its inputs (one column for each copy).
         z: (size,) unknowns.
         s: parameters of the programme.
@@ -134,7 +136,8 @@ def assemble(
     weights = [ca.DM(local.cost.ravel(order="F")) for local, _ in priced]
 
     def cost_of(values: list[ca.MX]) -> ca.MX:
-        return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), ca.MX(0))
+        start = time[2] + (time[1] * z[int(time[0][0])] if len(time[0]) else 0.0)
+        return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), start)
 
     def rows_of(values: list[ca.MX]) -> ca.MX:
         return base + sum((select @ ca.vec(v) for select, v in zip(selects, values, strict=True)), ca.MX(rows, 1))
@@ -145,9 +148,9 @@ def assemble(
     f = cost_of([local.function([local.outputs])(*argument) for local, argument in priced])
     g = rows_of([local.function([local.outputs])(*argument) for local, argument in limited])
     fixed = Triplets(linear[0], linear[1], linear[2], linear[0])
-    none = Triplets.gather([])
     slope = scatter(Triplets.gather(jacobian), fixed, g_count, (rows, size))(g_sources)
-    steepest = ca.densify(scatter(Triplets.gather(gradient), none, f_count, (size, 1))(f_sources))
+    priced_time = Triplets(time[0], np.zeros_like(time[0]), np.full(len(time[0]), time[1]), time[0])
+    steepest = ca.densify(scatter(Triplets.gather(gradient), priced_time, f_count, (size, 1))(f_sources))
 
     # Second derivatives: multipliers of the rows become multipliers of the local outputs.
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)

@@ -13,7 +13,7 @@ from ocp.constraint import Where, simple
 from ocp.guess import Guess, ends
 from ocp.problem import Fixed, Free, Problem
 from ocp.solution import Solution, Status
-from ocp.system import Label
+from ocp.system import Label, slopes
 from ocp.verification import excess
 
 if TYPE_CHECKING:
@@ -128,11 +128,10 @@ def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> l
     for phase, numbers in zip(_phases(problem), values, strict=True):
         system, p = phase.system, ca.DM(list(numbers))
         low, high = phase.limits(Where.ALONG, system.u)
-        slope = ca.densify(ca.jacobian(system.rate, system.u))
-        function = ca.Function("hold", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
+        function = slopes(system)
         first, last, fixed = ends(phase, p)
         for words, x, whole in (("start", first, fixed[0]), ("end", last, fixed[1])):
-            f, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
+            f, _, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
             if not whole or not len(low) or not (np.all(np.isfinite(f)) and np.all(np.isfinite(b))):
                 continue
             u = np.linalg.lstsq(b, -f.ravel(), rcond=None)[0]

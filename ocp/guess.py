@@ -11,10 +11,11 @@ import numpy as np
 
 from ocp.constraint import Where, simple
 from ocp.problem import Fixed, Free, Problem
+from ocp.system import slopes
 
 Array = np.ndarray
 PLACES = 11  # at which the controls of a straight line are balanced
-SMOOTH_PLACES = 61  # of a smooth motion
+SMOOTH_PLACES = 41  # of a smooth motion
 STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
 ITERATIONS = 30  # of Gauss-Newton for the states at the ends
@@ -80,7 +81,7 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     share = np.linspace(0.0, 1.0, PLACES)
     x = first + share[:, None] * (last - first)
     rates = np.tile((last - first) / duration, (PLACES, 1))
-    return Guess(share, x, _balance(problem, x, rates, p, _slopes(problem, PLACES)), duration, np.zeros(0))
+    return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(PLACES)), duration, np.zeros(0))
 
 
 def smooth(problem: Problem, values: Several[float]) -> Guess:
@@ -100,7 +101,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     layers = _layers(problem)
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
-    least, function = np.inf, _slopes(problem, SMOOTH_PLACES)
+    least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
         used = _use(guess.u, low, high)
@@ -140,7 +141,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
         path[:, i] = np.clip(path[:, i] + reach * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
-    guess = _follow(problem, path, duration, layers, p, _slopes(problem, SMOOTH_PLACES))
+    guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_PLACES))
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
@@ -194,13 +195,6 @@ def _path(first: Array, last: Array, layers: int) -> Array:
     return np.asarray(first + step[:, None] * (last - first))
 
 
-def _slopes(problem: Problem, count: int) -> ca.Function:
-    """Return the rates and their derivatives by x and by u at a number of places."""
-    system = problem.system
-    by = [ca.densify(ca.jacobian(system.rate, symbols)) for symbols in (system.x, system.u)]
-    return ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), *by]).map(count)
-
-
 def _follow(
     problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
 ) -> Guess:
@@ -221,7 +215,7 @@ def _follow(
             blocks = blocks[:, known[:, None], wanted]
             if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))) or np.max(np.abs(short)) < 1e-9:
                 break
-            x[:, wanted] += np.einsum("kij,kj->ki", np.linalg.pinv(blocks), short)
+            x[:, wanted] += _least_squares(blocks, short)
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
     return Guess(share, x, _balance(problem, x, rates, p, function, clip=False), duration, np.zeros(0))
 
@@ -277,8 +271,13 @@ def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Fu
     usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
     u = np.tile(u0, (count, 1))
     if len(u0) and usable.any():
-        u[usable] += np.einsum("kij,kj->ki", np.linalg.pinv(blocks[usable]), missing[usable])
+        u[usable] += _least_squares(blocks[usable], missing[usable])
     return np.clip(u, low, high) if clip else u
+
+
+def _least_squares(matrices: Array, right: Array) -> Array:
+    """Return the least-squares solutions (K, n) of stacks of systems (K, m, n), (K, m)."""
+    return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices), right))
 
 
 def _interpolate(share: Array, places_: Array, values: Array) -> Array:

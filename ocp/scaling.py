@@ -11,6 +11,7 @@ import numpy as np
 from ocp.constraint import Where
 from ocp.guess import Guess
 from ocp.problem import Problem
+from ocp.system import slopes as slopes_of
 
 Array = np.ndarray
 NEGLIGIBLE = 1e-16  # share of the largest size below which a size is rounding
@@ -63,15 +64,14 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     travelled = np.max(np.abs(guess.x), axis=0, initial=0.0)
     limited = magnitude(problem, system.x)
     p = ca.DM(list(values))
-    slope = ca.densify(ca.jacobian(system.rate, system.u))
-    function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate), slope])
+    function = slopes_of(system)
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     places = guess.x[:: max(1, len(guess.x) // 4)]
     # A guess may keep a state still by terms that cancel; slightly other states show what its rate is made of.
     places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
     nu, count = system.u.numel(), len(places)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
-    slopes = np.abs(np.array(function.map(count)(places.T, *held)[1]).T.reshape(count, nu, -1).transpose(0, 2, 1))
+    slopes = np.abs(np.array(function.map(count)(places.T, *held)[2]).T.reshape(count, nu, -1).transpose(0, 2, 1))
     slopes[~np.isfinite(slopes)] = 0.0
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
     u = magnitude(problem, system.u)

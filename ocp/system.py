@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -121,6 +122,17 @@ class System:
             if not (isinstance(value, int | float | np.number) and np.isfinite(value)):
                 raise ValueError(f"parameter {name!r}: got {value!r}, expected a finite number")
         return [float(found[name]) for name in self.nominal]
+
+
+@functools.lru_cache(maxsize=32)
+def slopes(system: System) -> ca.Function:
+    """Return the function (x, u, p) -> (rate, d rate/dx, d rate/du), all dense; asked for often in one solve.
+
+    Args:
+        system: x' = f(x, u, p).
+    """
+    by = [ca.densify(ca.jacobian(system.rate, symbols)) for symbols in (system.x, system.u)]
+    return ca.Function("slopes", [system.x, system.u, system.p], [ca.densify(system.rate), *by])
 
 
 def rebuild(

@@ -94,7 +94,7 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
             return at_end(i, c, Where.END) - at_end(i, c, Where.START)
         return physical(problem.subject_to[i].expression[c], sides[where][:nx], sides[where][nx:])
 
-    final = physical(problem.minimise.final, last[:nx], last[nx:]) + problem.minimise.time * duration
+    final = physical(problem.minimise.final, last[:nx], last[nx:])
     at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
     at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
     ends = Local(
@@ -106,7 +106,9 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
     )  # fmt: skip
     blocks.append((ends, [p_mx, given_mx]))
     linear = _linear(scheme, layout, rows_d)
-    nlp, derivatives = assemble(layout.size, linear, int(counts[-1]) + len(ends_parts), blocks, z, s)
+    price = problem.minimise.time
+    time = layout.horizon, price * scaling.horizon, ca.sum1(given_mx) * price if fixed else ca.MX(0)
+    nlp, derivatives = assemble(layout.size, linear, int(counts[-1]) + len(ends_parts), time, blocks, z, s)
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         rows_d, rows_p, rows_e, path_parts, ends_parts,

@@ -31,7 +31,7 @@ from benchmark_problems import CASES, Case, Outcome, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ocp import Guess, Ipopt, solve, uniform, verify
+from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 
 GRIDS = (25, 50, 100, 200, 400, 800)
 SCALING_GRIDS = (25, 35, 50, 70, 100, 140)
@@ -196,37 +196,35 @@ def setups(results: Results) -> list[str]:
             slope = np.median([(seconds[n] - seconds[m]) / (n - m) for m, n in combinations(grids, 2)])
             rest = (seconds[high] - slope * (high - low)) / seconds[low]
             graph = ratio(results, problem, (high, name), (high, "sx"), "setup")
+            beside = f"; N = {high}, {name} / sx: {graph:.3f}, goal 0.2" if np.isfinite(graph) else ""
             lines.append(
                 f"{problem}: set-up of {name}, N = {high} / N = {low}: {seconds[high] / seconds[low]:.2f}; without the "
-                f"linear part, {1e3 * slope:.3f} ms per element: {rest:.2f}, goal 3; N = {high}, {name} / sx: "
-                f"{graph:.3f}, goal 0.2"
+                f"linear part, {1e3 * slope:.3f} ms per element: {rest:.2f}, goal 3{beside}"
             )
     return lines
 
 
 def scaled(problems: Sequence[str]) -> list[str]:
-    """Return iterations with scaled unknowns beside those without, over six grids."""
+    """Return iterations with scaled unknowns beside those without, over six grids and from two guesses."""
     lines = []
     for problem in (problem for problem in problems if problem in UNLIKE):
-        with_, without = (
-            [
-                solve(CASES[problem]().problem(), grid=uniform(n), solver=Ipopt(progress=False, scaled=flag))
-                for n in SCALING_GRIDS
-            ]
-            for flag in (True, False)
-        )
-        one, other = ([solution.iterations for solution in solutions] for solutions in (with_, without))
-        seconds = [sum(solution.timings.total for solution in solutions) for solutions in (with_, without)]
-        unsolved = [sum(not solution.ok for solution in solutions) for solutions in (with_, without)]
-        worse = [
-            sum(a.cost > b.cost * (1.0 + 1e-4) for a, b in zip(*pair, strict=True))
-            for pair in ((with_, without), (without, with_))
-        ]
-        lines.append(
-            f"{problem}: iterations scaled / unscaled over N = {SCALING_GRIDS}: {sum(one)} / {sum(other)} = "
-            f"{sum(one) / sum(other):.2f}, goal 0.60 ({one}, {other}); solves {seconds[0]:.2f} / {seconds[1]:.2f} s; "
-            f"not solved {unsolved[0]}, {unsolved[1]}; worse optimum {worse[0]}, {worse[1]}"
-        )
+        for make in (straight_line, smooth):
+            iterations, seconds, unsolved = [], [], []
+            for flag in (True, False):
+                found = []
+                for n in SCALING_GRIDS:
+                    task = CASES[problem]().problem()
+                    settings = Ipopt(progress=False, scaled=flag)
+                    found.append(solve(task, grid=uniform(n), solver=settings, guess=make(task, [])))
+                iterations.append([solution.iterations for solution in found])
+                seconds.append(sum(solution.timings.total for solution in found))
+                unsolved.append(sum(not solution.ok for solution in found))
+            one, other = iterations
+            lines.append(
+                f"{problem} from {make.__name__}: iterations scaled / unscaled over N = {SCALING_GRIDS}: {sum(one)} / "
+                f"{sum(other)} = {sum(one) / sum(other):.2f}, goal 0.60 ({one}, {other}); not solved {unsolved[0]}, "
+                f"{unsolved[1]}; seconds {seconds[0]:.2f}, {seconds[1]:.2f}"
+            )
     return lines
 
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import multiprocessing
-import os
+import json
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
-from multiprocessing.connection import Connection
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -54,34 +54,26 @@ def missing(name: str) -> str:
 
 def run(name: str, problem: str, elements: int, limit: float) -> Outcome:
     """Run a peer in a process of its own, for at most `limit` seconds."""
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe(duplex=False)
-    process = context.Process(target=_work, args=(there, name, problem, elements), daemon=True)
-    process.start()
-    there.close()
+    command = [sys.executable, __file__, name, problem, str(elements)]
     try:
-        if not here.poll(limit):
-            return Outcome(note=f"stopped after {limit:g} s")
-        found: Outcome = here.recv()
-        return found
-    except EOFError:
-        return Outcome(note="its process died")
-    finally:
-        process.kill()
-        process.join()
+        done = subprocess.run(command, capture_output=True, timeout=limit, check=False, text=True)
+    except subprocess.TimeoutExpired:
+        return Outcome(note=f"stopped after {limit:g} s")
+    said = done.stdout.splitlines()
+    if done.returncode or not said:
+        return Outcome(note=f"its process ended with {done.returncode}")
+    return Outcome(**json.loads(said[-1]))
 
 
-def _work(answer: Connection, name: str, problem: str, elements: int) -> None:
-    """Run one peer and send its outcome; what it prints is lost."""
+def main(name: str, problem: str, elements: int) -> None:
+    """Run one peer and print its outcome on a line of its own."""
     try:
-        with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
-            for count in (WARM_UP, elements):
-                case = CASES[problem]()
-                outcome = PEERS[name](case, numbers(case, count, Ipopt()))
+        for count in (WARM_UP, elements):
+            case = CASES[problem]()
+            outcome = PEERS[name](case, numbers(case, count, Ipopt()))
     except Exception as error:  # a peer may fail in any way; the row says how
         outcome = Outcome(note=f"{type(error).__name__}: {' '.join(str(error).split())}"[:60])
-    answer.send(outcome)
-    answer.close()
+    print(f"\n{json.dumps(asdict(outcome))}")
 
 
 def rockit(case: Case, given: Numbers) -> Outcome:
@@ -258,3 +250,6 @@ def _inside(stats: dict[str, Any]) -> float:
 
 PEERS: dict[str, Peer] = {"rockit": rockit, "pyomo": pyomo, "drake": drake}
 MODULES = {"rockit": "rockit", "pyomo": "pyomo", "drake": "pydrake"}
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
