@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.sparse import Scatter, Triplets, matrix_of, scatter
+from ocp.sparse import LinearMap, Scatter, Triplets, linear_map, scatter
 
 Array = np.ndarray
 Entry = tuple[Array, Array]  # places of unknowns (or rows) and coefficients, for each copy; zero: not there
@@ -63,13 +63,10 @@ class Local:
             for places, coefficient in entries
         ]
         t = Triplets.gather(parts)
-        if len(t.rows) == width * self.copies and np.all(t.coefficients == 1.0):
-            # Every local unknown is one of the programme: an index does, no product is needed.
-            return z[t.columns[np.argsort(t.rows, kind="stable")].tolist()]
-        return matrix_of(t.rows, t.columns, t.coefficients, (width * self.copies, size)) @ z
+        return linear_map(t.rows, t.columns, t.coefficients, (width * self.copies, size))(z)
 
-    def select(self, rows: int) -> ca.DM:
-        """Return the matrix from the outputs (no * copies,) of all copies to the rows (rows,) they add to."""
+    def select(self, rows: int) -> tuple[LinearMap, LinearMap]:
+        """Return the map from the outputs of all copies (no * copies,) to the rows they add to, and its transpose."""
         outputs, copies = self.outputs.numel(), np.arange(self.copies)
         parts = [
             (places, copies * outputs + a, coefficient, copies)
@@ -77,7 +74,9 @@ class Local:
             for places, coefficient in entries
         ]
         t = Triplets.gather(parts)
-        return matrix_of(t.rows, t.columns, t.coefficients, (rows, outputs * self.copies))
+        size = outputs * self.copies
+        there = linear_map(t.rows, t.columns, t.coefficients, (rows, size))
+        return there, linear_map(t.columns, t.rows, t.coefficients, (size, rows))
 
     def first(self, pattern: ca.Sparsity, before: int) -> tuple[list[Part], list[Part]]:
         """Return the entries of the constraint Jacobian and of the cost gradient; sources start at `before`."""
@@ -123,7 +122,7 @@ def assemble(
         z: (size,) unknowns.
         s: parameters of the programme.
     """
-    base = matrix_of(*linear, (rows, size)) @ z
+    base = linear_map(*linear, (rows, size))(z)
     # What adds to the rows and what adds to the cost are functions of their own: IPOPT asks for them one by one.
     limited: list[Placed] = []
     priced: list[Placed] = []
@@ -140,7 +139,9 @@ def assemble(
         return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), start)
 
     def rows_of(values: list[ca.MX]) -> ca.MX:
-        return base + sum((select @ ca.vec(v) for select, v in zip(selects, values, strict=True)), ca.MX(rows, 1))
+        return base + sum(
+            (select(ca.vec(v)) for (select, _), v in zip(selects, values, strict=True)), ca.MX.zeros(rows, 1)
+        )
 
     # First derivatives: every local function returns the nonzeros of its own Jacobian.
     g_value, jacobian, g_sources, g_count = _slopes(limited)
@@ -156,7 +157,7 @@ def assemble(
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
     sources, count = [], 0
     parts: list[Part] = []
-    multipliers = [select.T @ lam_g for select in selects] + [weight * lam_f for weight in weights]
+    multipliers = [back(lam_g) for _, back in selects] + [weight * lam_f for weight in weights]
     for (local, argument), multiplier in zip(limited + priced, multipliers, strict=True):
         lam = ca.SX.sym("lam", local.outputs.numel())
         upper = ca.triu(ca.hessian(ca.dot(lam, local.outputs), local.unknowns)[0])
