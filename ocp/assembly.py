@@ -43,16 +43,15 @@ class Local:
         inputs = [self.unknowns, *self.inputs, *more]
         return ca.Function("local", inputs, ca.cse([ca.densify(e) for e in expressions])).map(self.copies)
 
-    def part(self, cost: bool) -> Local:
-        """Return the function of the outputs that add to the cost, or of those that add to rows."""
+    def part(self, rows: bool = False, cost: bool = False) -> Local:
+        """Return the function of the outputs that add to rows, of those that add to the cost, or of both."""
         wanted = [
             a
-            for a, rows in enumerate(self.rows)
-            if (self.cost[a].any() and not self.outputs[a].is_zero() if cost else len(rows) > 0)
+            for a, entries in enumerate(self.rows)
+            if (rows and len(entries) > 0) or (cost and self.cost[a].any() and not self.outputs[a].is_zero())
         ]
-        rows = [self.rows[a] for a in wanted]
         kept = self.cost[wanted] if cost else np.zeros((len(wanted), self.copies))
-        return replace(self, outputs=self.outputs[wanted], rows=rows, cost=kept)
+        return replace(self, outputs=self.outputs[wanted], rows=[self.rows[a] for a in wanted], cost=kept)
 
     def gather(self, z: ca.MX) -> ca.MX:
         """Return the unknowns of all copies (nw * copies,) from those of the programme (nz,)."""
@@ -65,18 +64,18 @@ class Local:
         t = Triplets.gather(parts)
         return linear_map(t.rows, t.columns, t.coefficients, (width * self.copies, size))(z)
 
-    def select(self, rows: int) -> tuple[LinearMap, LinearMap]:
-        """Return the map from the outputs of all copies (no * copies,) to the rows they add to, and its transpose."""
+    def select(self, rows: int, transposed: bool = False) -> LinearMap:
+        """Return the map from the outputs of all copies (no * copies,) to the rows they add to, or its transpose."""
         outputs, copies = self.outputs.numel(), np.arange(self.copies)
         parts = [
             (places, copies * outputs + a, coefficient, copies)
             for a, entries in enumerate(self.rows)
             for places, coefficient in entries
         ]
-        t = Triplets.gather(parts)
-        size = outputs * self.copies
-        there = linear_map(t.rows, t.columns, t.coefficients, (rows, size))
-        return there, linear_map(t.columns, t.rows, t.coefficients, (size, rows))
+        t, size = Triplets.gather(parts), outputs * self.copies
+        if transposed:
+            return linear_map(t.columns, t.rows, t.coefficients, (size, rows))
+        return linear_map(t.rows, t.columns, t.coefficients, (rows, size))
 
     def first(self, pattern: ca.Sparsity, before: int) -> tuple[list[Part], list[Part]]:
         """Return the entries of the constraint Jacobian and of the cost gradient; sources start at `before`."""
@@ -124,11 +123,16 @@ def assemble(
     """
     base = linear_map(*linear, (rows, size))(z)
     # What adds to the rows and what adds to the cost are functions of their own: IPOPT asks for them one by one.
+    whole: list[Placed] = []
     limited: list[Placed] = []
     priced: list[Placed] = []
     for local, inputs in blocks:
         unknowns = ca.reshape(local.gather(z), local.unknowns.numel(), local.copies)
-        for group, part in ((limited, local.part(cost=False)), (priced, local.part(cost=True))):
+        for group, part in (
+            (whole, local.part(rows=True, cost=True)),
+            (limited, local.part(rows=True)),
+            (priced, local.part(cost=True)),
+        ):
             if part.rows:
                 group.append((part, (unknowns, *inputs)))
     selects = [local.select(rows) for local, _ in limited]
@@ -139,9 +143,7 @@ def assemble(
         return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), start)
 
     def rows_of(values: list[ca.MX]) -> ca.MX:
-        return base + sum(
-            (select(ca.vec(v)) for (select, _), v in zip(selects, values, strict=True)), ca.MX.zeros(rows, 1)
-        )
+        return base + sum((select(ca.vec(v)) for select, v in zip(selects, values, strict=True)), ca.MX.zeros(rows, 1))
 
     # First derivatives: every local function returns the nonzeros of its own Jacobian.
     g_value, jacobian, g_sources, g_count = _slopes(limited)
@@ -153,16 +155,18 @@ def assemble(
     priced_time = Triplets(time[0], np.zeros_like(time[0]), np.full(len(time[0]), time[1]), time[0])
     steepest = ca.densify(scatter(Triplets.gather(gradient), priced_time, f_count, (size, 1))(f_sources))
 
-    # Second derivatives: multipliers of the rows become multipliers of the local outputs.
+    # Second derivatives: multipliers of the rows and of the cost become multipliers of the local outputs.
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
     sources, count = [], 0
     parts: list[Part] = []
-    multipliers = [back(lam_g) for _, back in selects] + [weight * lam_f for weight in weights]
-    for (local, argument), multiplier in zip(limited + priced, multipliers, strict=True):
+    for local, argument in whole:
         lam = ca.SX.sym("lam", local.outputs.numel())
         upper = ca.triu(ca.hessian(ca.dot(lam, local.outputs), local.unknowns)[0])
         if upper.nnz() == 0:
             continue
+        multiplier = local.select(rows, transposed=True)(lam_g)
+        if local.cost.any():
+            multiplier = multiplier + ca.DM(local.cost.ravel(order="F").tolist()) * lam_f
         shaped = ca.reshape(multiplier, local.outputs.numel(), local.copies)
         sources.append(ca.vec(local.function([_nonzeros(upper)], lam)(*argument, shaped)))
         parts += local.second(upper.sparsity(), count)

@@ -71,7 +71,9 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
     nu, count = system.u.numel(), len(places)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
-    slopes = np.abs(np.array(function.map(count)(places.T, *held)[2]).T.reshape(count, nu, -1).transpose(0, 2, 1))
+    slopes = np.abs(
+        np.array(function.map(count)(places.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
+    )
     slopes[~np.isfinite(slopes)] = 0.0
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
     u = magnitude(problem, system.u)

@@ -87,14 +87,14 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         blocks.append((edge, _inputs(p_mx, given_mx, each, len(edges))[:2]))
 
     first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
-    sides = {Where.START: first, Where.END: last}
+    sides = {where: ca.vertsplit(end, [0, nx, nx + nu]) for where, end in ((Where.START, first), (Where.END, last))}
 
     def at_end(i: int, c: int, where: Where) -> ca.SX:
         if where is Where.PERIODIC:
             return at_end(i, c, Where.END) - at_end(i, c, Where.START)
-        return physical(problem.subject_to[i].expression[c], sides[where][:nx], sides[where][nx:])
+        return physical(problem.subject_to[i].expression[c], *sides[where])
 
-    final = physical(problem.minimise.final, last[:nx], last[nx:])
+    final = physical(problem.minimise.final, *sides[Where.END])
     at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
     at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
     ends = Local(

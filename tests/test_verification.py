@@ -245,3 +245,20 @@ def test_unfinished_solution_is_not_verified():
     stopped = solve(FASTEST, grid=uniform(30), solver=Ipopt(max_iter=2))
     assert not verify(stopped).ok
     assert "LIMIT" in verify(stopped).failures[0]
+
+
+def test_the_local_error_follows_the_order_of_the_scheme():
+    # x' = x has the solution exp(t); the residual of a polynomial of degree d is of order d, its integral d + 1.
+    x, u = ca.SX.sym("x"), ca.SX.sym("u", 0)
+    growth = Problem(System(x, u, ca.SX(0, 1), x), Fixed(1.0), Bolza(final=x), (start(x, 1.0),))
+    for scheme in (radau(2), radau(3), legendre(2)):
+        coarse, fine = (np.max(solve(growth, scheme, uniform(n)).error) for n in (5, 10))
+        assert np.log2(coarse / fine) == pytest.approx(scheme.degree + 1, abs=0.3)
+    solution = solve(growth, radau(2), uniform(5))
+    # By hand on the last element: x' - x of the parabola through the three values, integrated with many points.
+    t = np.linspace(0.8, 1.0, 20001)
+    parabola = np.polynomial.Polynomial.fit([0.8, 0.8 + 0.2 / 3.0, 1.0], solution.states[-1, :, 0], 2)
+    residual = np.abs(parabola.deriv()(t) - parabola(t))
+    by_hand = np.trapezoid(residual, t) / (1.0 + np.max(solution.states))
+    # The quadrature has a kink to cross where the residual has a further zero.
+    assert solution.error[-1] == pytest.approx(by_hand, rel=0.02)
