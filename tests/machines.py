@@ -202,3 +202,7 @@ def torus_by_hand(n, q, w, p, force, g):
     energy = p[0] ** 2 / (2 * g11) + p[1] ** 2 / (2 * minus) + p[2] ** 2 / (2 * plus) + weight2 * s2 + weight3 * s23
     q_rate = np.array([w1, alpha_rate, beta_rate - alpha_rate])
     return q_rate, np.array(w_rate), np.array(p_rate), energy, (g11, minus, plus)
+
+
+def instructions(system):
+    return ca.Function("f", [system.x, system.u, system.p], [system.rate]).n_instructions()
