@@ -116,8 +116,9 @@ def _ends_outside(phase: Problem) -> Iterator[str]:
             for label, amount, got in zip(phase.labels(constraint), beyond, value, strict=True):
                 simple_ = constraint.expression.is_symbolic()
                 if amount > 1e-9 * max(1.0, abs(got)) and not simple_ and label.name not in _state_names(phase):
+                    shown = f"{got:.6g} {label.unit}".strip()
                     yield (
-                        f"{label.name} is {got:.6g} {label.unit} at the {where.value} and breaks its limit along the "
+                        f"{label.name} is {shown} at the {where.value} and breaks its limit along the "
                         f"motion by {amount:.3g}; move the {where.value} or the limit"
                     )
 

@@ -5,18 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ocp.constraint import Constraint, Where, simple
 from ocp.grid import Grid
 from ocp.guess import Guess, smooth, straight_line
-from ocp.phases import as_guesses, chain, parameter_values, phases_of
+from ocp.phases import Outcome, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.sequence import Sequence
 from ocp.solution import Status
-from ocp.solver import Outcome, Prepared, prepare
+
+if TYPE_CHECKING:
+    from ocp.solver import Prepared
 
 Values = Mapping[str, float] | None
 PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
@@ -65,7 +67,7 @@ class CoarseGrid:
         places = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
         if len(places) >= len(ends):
             return None
-        coarse = prepare(prepared.problem, programme.scheme, Grid(ends[places]), prepared.settings, values=values)
+        coarse = prepared.on(prepared.problem, Grid(ends[places]), prepared.settings, values)
         found = coarse((Smooth(), StraightLine()), values)
         return (as_guesses(prepared.problem, found), True) if found.ok else None
 
@@ -166,7 +168,7 @@ def _shortest(prepared: Prepared, values: Values) -> str:
         return ""  # nothing keeps the motion from being arbitrarily short
     brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
     fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
-    found = prepare(fastest, programme.scheme, programme.grid, brief, values=values)((Smooth(),), values)
+    found = prepared.on(fastest, programme.grid, brief, values)((Smooth(),), values)
     if not found.ok or found.duration <= asked:
         return ""
     return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"

@@ -20,6 +20,7 @@ from ocp.solution import Solution
 from ocp.storage import load
 
 Start = Guess | Solution | SequenceSolution | str | os.PathLike[str]
+Outcome = Any  # Solution for a Problem, SequenceSolution for a Sequence
 STARTS = (Guess, Solution, SequenceSolution, str, os.PathLike)
 
 

@@ -132,7 +132,7 @@ def inside(region: Region, point: ca.SX) -> Constraint:
         region: Ball, Box, Cylinder, HalfSpace, or anything with `within`.
         point: (d,) position as an expression, such as system["tool"] [m].
     """
-    return along(region.within(_column(point)), upper=1.0, name=f"place in {type(region).__name__}")
+    return along(region.within(_column(point)), upper=1.0, name=f"place in {type(region).__name__} (1 at its surface)")
 
 
 def outside(region: Region, point: ca.SX) -> Constraint:
@@ -148,11 +148,13 @@ def outside(region: Region, point: ca.SX) -> Constraint:
     """
     faces = ca.vec(region.within(_column(point)))
     if faces.numel() == 1:
-        return along(faces, lower=1.0, name=f"distance from {type(region).__name__}")
+        return along(faces, lower=1.0, name=f"clearance from {type(region).__name__} (1 at its surface)")
     # f is a square, so f^(ROUNDING / 2) is the ROUNDING-th power of a distance; the root makes it one again, with a
     # slope near one instead of one that vanishes inside. The last term keeps the root differentiable at the centre.
     mean = ca.sum1(faces ** (ROUNDING // 2)) / faces.numel()
-    return along((mean + TINY) ** (1.0 / ROUNDING), lower=1.0, name=f"distance from {type(region).__name__}")
+    return along(
+        (mean + TINY) ** (1.0 / ROUNDING), lower=1.0, name=f"clearance from {type(region).__name__} (1 at its surface)"
+    )
 
 
 def _column(point: ca.SX) -> ca.SX:

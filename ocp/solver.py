@@ -16,7 +16,8 @@ from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
-from ocp.phases import STARTS, Start, as_guesses, chain, parameter_values, phases_of
+from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
+from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
@@ -25,7 +26,6 @@ from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
 
 Array = np.ndarray
-Outcome = Any  # Solution for a Problem, SequenceSolution for a Sequence
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,6 @@ class Prepared:
         Raises:
             ValueError: a problem or grid of another structure, or a wrong parameter name.
         """
-        from ocp.ladder import DEFAULT, climb
-
         here = self.adapted(problem, grid)
         numbers = parameter_values(here.problem, values)
         if guess is None or (isinstance(guess, list | tuple) and not isinstance(guess[0], STARTS)):
@@ -73,6 +71,12 @@ class Prepared:
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
         """Return the parameter values of every phase, nominal where `values` is silent."""
         return parameter_values(self.problem, values)
+
+    def on(
+        self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
+    ) -> Prepared:
+        """Return another problem prepared on another grid, with the same scheme."""
+        return prepare(problem, self.compound.programmes[0].scheme, grid, settings, values=values)
 
     def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
         """Return this programme for other numbers in the problem, or another grid of the same size."""
@@ -241,8 +245,6 @@ def solve(
     prepared = prepare(problem, scheme, grid, solver, guess, values)
     doubts = warnings_before(problem, prepared.numbers(values))
     if doubts and guess is None:
-        from ocp.ladder import Smooth, StraightLine
-
         guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
     found = prepared(guess, values)
     return replace(found, message=f"{found.message}; but {'; '.join(doubts)}") if doubts and found.ok else found

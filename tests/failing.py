@@ -118,7 +118,7 @@ FAILING = (
     Failing("a drive too weak for the load", weak_drive, ("tau_xi cannot hold the start", "637.7", "600", "raise")),
     Failing("a wall between start and end", walled_in, ("tool_y", "at the end", "move")),
     Failing("the start outside the limits", start_outside, ("r is 0.5 m at the start", "0.6", "move the start")),
-    Failing("the start inside an obstacle", start_in_obstacle, ("distance from Ball", "at the start")),
+    Failing("the start inside an obstacle", start_in_obstacle, ("clearance from Ball", "at the start")),
     Failing("limits that exclude each other", contradictory, ("limits of r", "at least 1.2", "at most 1.1")),
     Failing("not a number at the start", not_a_number, ("dpsi/dt is nan", "theta = 0", "singularity")),
     Failing("a cost without a lower bound", unbounded, ("no bound", "try")),

@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ STORIES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(ROOT / "scripts" / "time_optimal.py"), *arguments]
-    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MPLCONFIGDIR": "/tmp"}
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MPLCONFIGDIR": tempfile.gettempdir()}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
 
 
