@@ -101,6 +101,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     layers = _layers(problem)
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
+    longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
     least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
@@ -110,7 +111,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
         if used <= 1.0:
             break
         # Accelerations fall with the square of the duration.
-        duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), LONGEST)
+        duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), longest)
     if best is None:
         return straight_line(problem, values)
     return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)

@@ -21,8 +21,12 @@ from ocp.problem import Fixed, Problem
 from ocp.programme import Programme
 from ocp.scaling import Scaling
 from ocp.sparse import Triplets
+from ocp.system import System
 
 Array = np.ndarray
+
+
+Block = tuple[Local, list[ca.MX]]  # a local function and its inputs, one column for each copy
 
 
 def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -> Programme:
@@ -34,85 +38,155 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         grid: of [0, 1].
         scaling: magnitudes of the unknowns.
     """
-    system, d, n = problem.system, scheme.degree, len(grid)
+    system, n = problem.system, len(grid)
     nx, nu = system.x.numel(), system.u.numel()
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, not fixed, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
-    tau = [_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts]
+    tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     rows_d = np.arange(n * len(scheme.rate) * nx).reshape(n, len(scheme.rate), nx)
     counts = np.cumsum([rows_d.size, *(n * len(places) for places in tau)])
     rows_p = tuple(first + np.arange(n * len(t)).reshape(n, len(t)) for first, t in zip(counts, tau, strict=False))
     rows_e = counts[-1] + np.arange(len(ends_parts))
 
-    # Symbols of one place, in scaled unknowns.
-    xs, us = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
-    shared = ca.SX.sym("shared", layout.horizon.size + len(free))
-    p, given, width = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T", fixed), ca.SX.sym("h")
-    duration = given if fixed else shared[0] * scaling.horizon
-    parameters = ca.SX(p)
-    for place, number in enumerate(free):
-        parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
-
-    def physical(expression: ca.SX, x: ca.SX, u: ca.SX) -> ca.SX:
-        inline = ca.Function("e", [system.x, system.u, system.p], [expression])
-        return ca.densify(inline(x * scaling.x, u * scaling.u, parameters))
-
-    rate = width * duration * physical(system.rate, xs, us) / scaling.x
-    running = width * duration * physical(problem.minimise.running, xs, us)
-    path = physical(ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in path_parts)), xs, us)
-    unknowns = ca.vertcat(xs, us, shared)
-
-    z = ca.MX.sym("z", layout.size)
     s = ca.MX.sym("s", system.p.numel() + fixed + n)
-    p_mx, given_mx, widths = s[: system.p.numel()], s[system.p.numel() : system.p.numel() + fixed], s[-n:]
-    each = widths.T  # one column for each element
+    p, duration, widths = s[: system.p.numel()], s[system.p.numel() : system.p.numel() + fixed], s[-n:]
+    inputs = _Inputs(p, duration, widths.T)
+    symbols = _symbols(problem, layout, free, scaling)
     places = _Places(scheme, layout)
-    dynamics = [[(rows, -factor) for rows, factor in _rows_of_rate(scheme, rows_d[:, :, a])] for a in range(nx)]
-    point = Local(
-        ca.vertcat(rate, running, path), unknowns, (p, given, width), n * d, places.columns(list(scheme.points)),
-        [*dynamics, [], *(_rows_of_path(rows, t, scheme.points) for rows, t in zip(rows_p, tau, strict=True))],
-        np.vstack([np.zeros((nx, n * d)), np.repeat(scheme.weights, n), np.zeros((len(path_parts), n * d))]),
-    )  # fmt: skip
-    blocks = [(point, _inputs(p_mx, given_mx, each, d))]
-    edges = [t for t in (0.0, 1.0) if t not in scheme.points and any(t in places_ for places_ in tau)]
-    if edges:
-        there = [c for c, places_ in enumerate(tau) if any(t in places_ for t in edges)]
-        edge = Local(
-            path[there], unknowns, (p, given), n * len(edges), places.columns(edges),
-            [_rows_of_path(rows_p[c], tau[c], np.array(edges)) for c in there],
-            np.zeros((len(there), n * len(edges))),
-        )  # fmt: skip
-        blocks.append((edge, _inputs(p_mx, given_mx, each, len(edges))[:2]))
-
-    first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
-    sides = {where: ca.vertsplit(end, [0, nx, nx + nu]) for where, end in ((Where.START, first), (Where.END, last))}
-
-    def at_end(i: int, c: int, where: Where) -> ca.SX:
-        if where is Where.PERIODIC:
-            return at_end(i, c, Where.END) - at_end(i, c, Where.START)
-        return physical(problem.subject_to[i].expression[c], *sides[where])
-
-    final = physical(problem.minimise.final, *sides[Where.END])
-    at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
-    at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
-    ends = Local(
-        ca.vertcat(*(at_end(i, c, where) for i, c, where in ends_parts), final),
-        ca.vertcat(first, last, shared), (p, given), 1,
-        [*at_first, *at_last],
-        [*([(rows_e[b : b + 1], np.ones(1))] for b in range(len(ends_parts))), []],
-        np.append(np.zeros(len(ends_parts)), 1.0)[:, None],
-    )  # fmt: skip
-    blocks.append((ends, [p_mx, given_mx]))
-    linear = _linear(scheme, layout, rows_d)
+    path = symbols.physical(ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in path_parts)))
+    blocks = [
+        _at_points(problem, places, symbols, inputs, path, (rows_d, rows_p), tau),
+        *_at_edges(places, symbols, inputs, path, rows_p, tau),
+        _at_ends(problem, places, symbols, inputs, ends_parts, rows_e),
+    ]
     price = problem.minimise.time
-    time = layout.horizon, price * scaling.horizon, ca.sum1(given_mx) * price if fixed else ca.MX(0)
+    time = layout.horizon, price * scaling.horizon, ca.sum1(duration) * price if fixed else ca.MX(0)
+    linear = _linear(scheme, layout, rows_d)
+    z = ca.MX.sym("z", layout.size)
     nlp, derivatives = assemble(layout.size, linear, int(counts[-1]) + len(ends_parts), time, blocks, z, s)
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         rows_d, rows_p, rows_e, path_parts, ends_parts,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    """Symbols of one place in scaled unknowns, and the way back to physical expressions."""
+
+    system: System
+    scaling: Scaling
+    x: ca.SX  # (nx,) scaled state
+    u: ca.SX  # (nu,) scaled control
+    shared: ca.SX  # duration (if it is an unknown) and free parameters, scaled
+    p: ca.SX  # (np,) parameters
+    given: ca.SX  # fixed duration, or empty
+    width: ca.SX  # of the element
+    duration: ca.SX  # [s]
+    parameters: ca.SX  # (np,) with the free ones replaced by unknowns
+
+    @property
+    def unknowns(self) -> ca.SX:
+        """(nx + nu + shared,) unknowns of a function of one place."""
+        return ca.vertcat(self.x, self.u, self.shared)
+
+    def physical(self, expression: ca.SX, x: ca.SX | None = None, u: ca.SX | None = None) -> ca.SX:
+        """Return an expression of the system in scaled unknowns, at this place or at (x, u)."""
+        system, scaling = self.system, self.scaling
+        inline = ca.Function("e", [system.x, system.u, system.p], [expression])
+        x, u = self.x if x is None else x, self.u if u is None else u
+        return ca.densify(inline(x * scaling.x, u * scaling.u, self.parameters))
+
+
+def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) -> _Symbols:
+    system, fixed = problem.system, int(isinstance(problem.horizon, Fixed))
+    shared = ca.SX.sym("shared", layout.horizon.size + len(free))
+    p, given = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T", fixed)
+    parameters = ca.SX(p)
+    for place, number in enumerate(free):
+        parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
+    x, u = ca.SX.sym("x", system.x.numel()), ca.SX.sym("u", system.u.numel())
+    duration = given if fixed else shared[0] * scaling.horizon
+    return _Symbols(system, scaling, x, u, shared, p, given, ca.SX.sym("h"), duration, parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _Inputs:
+    """Parameters, fixed duration and widths of the elements, as inputs of local functions."""
+
+    p: ca.MX
+    duration: ca.MX
+    widths: ca.MX  # (1, N)
+
+    def copies(self, places: int) -> list[ca.MX]:
+        """Return them for copies at a number of places of all elements, place by place."""
+        count = self.widths.shape[1] * places
+        return [ca.repmat(self.p, 1, count), ca.repmat(self.duration, 1, count), ca.repmat(self.widths, 1, places)]
+
+
+def _at_points(
+    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
+    rows: tuple[Array, tuple[Array, ...]], tau: tuple[list[float], ...],
+) -> Block:  # fmt: skip
+    """Return the function of the collocation points: rates, running cost and path constraints."""
+    scheme, (n, _, nx) = places.scheme, rows[0].shape
+    step = symbols.width * symbols.duration
+    rate = step * symbols.physical(symbols.system.rate) / symbols.scaling.x
+    running = step * symbols.physical(problem.minimise.running)
+    dynamics = [[(r, -factor) for r, factor in _rows_of_rate(scheme, rows[0][:, :, a])] for a in range(nx)]
+    limits = [_rows_of_path(r, t, scheme.points) for r, t in zip(rows[1], tau, strict=True)]
+    copies = n * scheme.degree
+    cost = np.vstack([np.zeros((nx, copies)), np.repeat(scheme.weights, n), np.zeros((len(limits), copies))])
+    local = Local(
+        ca.vertcat(rate, running, path), symbols.unknowns, (symbols.p, symbols.given, symbols.width), copies,
+        places.columns(list(scheme.points)), [*dynamics, [], *limits], cost,
+    )  # fmt: skip
+    return local, inputs.copies(scheme.degree)
+
+
+def _at_edges(
+    places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
+    rows: tuple[Array, ...], tau: tuple[list[float], ...],
+) -> list[Block]:  # fmt: skip
+    """Return the function of path constraints at ends of elements that are no collocation points, if there are any."""
+    edges = [t for t in (0.0, 1.0) if t not in places.scheme.points and any(t in held for held in tau)]
+    if not edges:
+        return []
+    there = [c for c, held in enumerate(tau) if any(t in held for t in edges)]
+    copies = len(places.layout.state) * len(edges)
+    local = Local(
+        path[there], symbols.unknowns, (symbols.p, symbols.given), copies, places.columns(edges),
+        [_rows_of_path(rows[c], tau[c], np.array(edges)) for c in there], np.zeros((len(there), copies)),
+    )  # fmt: skip
+    return [(local, inputs.copies(len(edges))[:2])]
+
+
+def _at_ends(
+    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs,
+    parts: tuple[tuple[int, int, Where], ...], rows: Array,
+) -> Block:  # fmt: skip
+    """Return the function of both ends of the motion: conditions there, and the final cost."""
+    nx, nu = symbols.x.numel(), symbols.u.numel()
+    first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
+    sides = {where: ca.vertsplit(end, [0, nx, nx + nu]) for where, end in ((Where.START, first), (Where.END, last))}
+
+    def condition(i: int, c: int, where: Where) -> ca.SX:
+        if where is Where.PERIODIC:
+            return condition(i, c, Where.END) - condition(i, c, Where.START)
+        return symbols.physical(problem.subject_to[i].expression[c], *sides[where])
+
+    final = symbols.physical(problem.minimise.final, *sides[Where.END])
+    at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
+    at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
+    local = Local(
+        ca.vertcat(*(condition(i, c, where) for i, c, where in parts), final),
+        ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), 1, [*at_first, *at_last],
+        [*([(rows[b : b + 1], np.ones(1))] for b in range(len(parts))), []],
+        np.append(np.zeros(len(parts)), 1.0)[:, None],
+    )  # fmt: skip
+    return local, [inputs.p, inputs.duration]
 
 
 def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
@@ -161,12 +235,6 @@ def _rows_of_path(rows: Array, tau: list[float], places: Array) -> list[Entry]:
     number = [tau.index(t) if t in tau else -1 for t in places.tolist()]
     held = np.repeat([float(k >= 0) for k in number], len(rows))
     return [(np.concatenate([rows[:, max(k, 0)] for k in number]), held)]
-
-
-def _inputs(p: ca.MX, duration: ca.MX, widths: ca.MX, places: int) -> list[ca.MX]:
-    """Return parameters, fixed duration and widths for copies at a number of places of all elements."""
-    count = widths.shape[1] * places
-    return [ca.repmat(p, 1, count), ca.repmat(duration, 1, count), ca.repmat(widths, 1, places)]
 
 
 def _linear(scheme: Scheme, layout: Layout, defects: Array) -> tuple[Array, Array, Array]:
