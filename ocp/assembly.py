@@ -44,14 +44,23 @@ class Local:
         return ca.Function("local", inputs, ca.cse([ca.densify(e) for e in expressions])).map(self.copies)
 
     def part(self, rows: bool = False, cost: bool = False) -> Local:
-        """Return the function of the outputs that add to rows, of those that add to the cost, or of both."""
+        """Return the function of the outputs that add to rows, to the cost, or to either, in the unknowns they use."""
         wanted = [
             a
             for a, entries in enumerate(self.rows)
             if (rows and len(entries) > 0) or (cost and self.cost[a].any() and not self.outputs[a].is_zero())
         ]
         kept = self.cost[wanted] if cost else np.zeros((len(wanted), self.copies))
-        return replace(self, outputs=self.outputs[wanted], rows=[self.rows[a] for a in wanted], cost=kept)
+        outputs = self.outputs[wanted]
+        used = sorted(set(ca.jacobian_sparsity(outputs, self.unknowns).get_triplet()[1])) if wanted else []
+        return replace(
+            self,
+            outputs=outputs,
+            unknowns=ca.vertcat(*(self.unknowns[c] for c in used)) if used else ca.SX(0, 1),
+            columns=[self.columns[c] for c in used],
+            rows=[self.rows[a] for a in wanted],
+            cost=kept,
+        )
 
     def gather(self, z: ca.MX) -> ca.MX:
         """Return the unknowns of all copies (nw * copies,) from those of the programme (nz,)."""
@@ -127,13 +136,13 @@ def assemble(
     limited: list[Placed] = []
     priced: list[Placed] = []
     for local, inputs in blocks:
-        unknowns = ca.reshape(local.gather(z), local.unknowns.numel(), local.copies)
         for group, part in (
             (whole, local.part(rows=True, cost=True)),
             (limited, local.part(rows=True)),
             (priced, local.part(cost=True)),
         ):
             if part.rows:
+                unknowns = ca.reshape(part.gather(z), part.unknowns.numel(), part.copies)
                 group.append((part, (unknowns, *inputs)))
     selects = [local.select(rows) for local, _ in limited]
     weights = [ca.DM(local.cost.ravel(order="F")) for local, _ in priced]

@@ -136,11 +136,13 @@ def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcom
     for rung in rungs:
         if tried and rungs is DEFAULT and time.perf_counter() - begun > PATIENCE:
             break
+        started = time.perf_counter()
         made = rung(prepared, values)
         if made is None:
             continue
         guesses, warm = made
-        found = prepared.attempt(guesses, numbers, warm, type(rung).__name__)
+        seconds = time.perf_counter() - started
+        found = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
         tried.append(type(rung).__name__)
         if found.ok:
             return found

@@ -95,7 +95,12 @@ class Prepared:
         return replace(self, problem=problem or self.problem, compound=replace(self.compound, programmes=programmes))
 
     def attempt(
-        self, guesses: list[Guess], values: list[list[float]], warm: bool = False, rung: str = "given guess"
+        self,
+        guesses: list[Guess],
+        values: list[list[float]],
+        warm: bool = False,
+        rung: str = "given guess",
+        spent: float = 0.0,
     ) -> Outcome:
         """Solve once from one guess for each phase.
 
@@ -104,8 +109,9 @@ class Prepared:
             values: of the parameters of each phase.
             warm: start near the limits that the guess touches.
             rung: what the guess is called in the solution.
+            spent: seconds that making the guess took; they count as set-up.
         """
-        begun = time.perf_counter()
+        begun = time.perf_counter() - spent
         programmes = self.compound.programmes
         every = [bounds(programme) for programme in programmes]
         tied = np.zeros(self.compound.links)
@@ -243,7 +249,9 @@ def solve(
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: see status and message.
     """
     prepared = prepare(problem, scheme, grid, solver, guess, values)
+    begun = time.perf_counter()
     doubts = warnings_before(problem, prepared.numbers(values))
+    prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
     if doubts and guess is None:
         guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
     found = prepared(guess, values)
