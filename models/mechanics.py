@@ -30,6 +30,18 @@ class Mechanics:
         return self.machine.tau if self.terms.force is None else self.machine.tau + self.terms.force
 
     @property
+    def parameters(self) -> dict[str, ca.SX]:
+        """Parameters that stay symbols: those of the machine, then those of the effects in their order.
+
+        Raises:
+            ValueError: an effect and the machine have one of the same name.
+        """
+        for name in self.terms.symbols:
+            if name in self.machine.symbols:
+                raise ValueError(f"an effect defines the parameter {name!r}, which the machine has; rename it")
+        return {**self.machine.symbols, **self.terms.symbols}
+
+    @property
     def potential(self) -> ca.SX:
         """Potential energy U(q) [J]: of the effects, and of all masses in their field."""
         total = self.terms.potential

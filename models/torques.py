@@ -25,11 +25,13 @@ def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca
 
     Returns:
         Function (q, v, a, p) -> tau; q, v, a, tau of shape (n,) in rad or m, /s, /s^2, and N m or N along +q;
-        p are the parameters that stay symbols, in the order of `Function.name_in`'s description (often none: []).
+        p are the parameters that stay symbols, those of the machine first, then those of the effects in their order,
+        as in the p of a form (often none: []).
 
     Raises:
         TypeError: no machine, or no effect.
-        ValueError: an effect has states, so that q(t) alone does not fix the torques.
+        ValueError: an effect has states, so that q(t) alone does not fix the torques, or a parameter of the same name
+            as one of the machine.
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (3.1), (4.1), (5.3).
     """
@@ -45,7 +47,7 @@ def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca
     tau = inertia + ca.gradient(mechanics.potential, q)
     if mechanics.terms.force is not None:
         tau = tau - mechanics.terms.force
-    parameters = {**machine.symbols, **mechanics.terms.symbols}
+    parameters = mechanics.parameters
     p = ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
     names_in, names_out = ["q", "v", "a", "p"], ["tau"]
     return ca.Function("inverse_dynamics", [q, v, a, p], [ca.cse(ca.densify(tau))], names_in, names_out)

@@ -26,9 +26,9 @@ MATTERS = 1e-3  # share of its range by which a control between points may excee
 NAMED = 3  # findings listed at most
 
 
-def contradictions(problem: Problem | Sequence) -> Iterator[str]:
-    """Yield what no motion can meet: limits that exclude each other, ends outside the limits."""
-    for phase in _phases(problem):
+def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> Iterator[str]:
+    """Yield what no motion can meet with these parameter values: limits or ends that exclude each other."""
+    for phase, numbers in zip(_phases(problem), values, strict=True):
         system = phase.system
         for kind, symbols in (("x", system.x), ("u", system.u), ("p", system.p)):
             labels = _labels(phase, kind, symbols)
@@ -44,11 +44,11 @@ def contradictions(problem: Problem | Sequence) -> Iterator[str]:
             for where in (Where.START, Where.END):
                 for label, a, b, under, over in zip(labels, low, high, *phase.limits(where, symbols), strict=True):
                     yield from _end_against_limit(label, where.value, (a, b), (under, over))
-        yield from _ends_outside(phase)
-        yield from _too_far(phase)
+        yield from _ends_outside(phase, ca.DM(numbers))
+        yield from _too_far(phase, ca.DM(numbers))
 
 
-def _too_far(phase: Problem) -> Iterator[str]:
+def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     """Yield states that must travel further than limits on their rate allow in the longest duration."""
     system, horizon = phase.system, phase.horizon
     longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
@@ -62,7 +62,6 @@ def _too_far(phase: Problem) -> Iterator[str]:
     # Which limited expression is the rate of which state is found by numbers: graphs of one value may differ.
     everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
     draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
-    p = ca.DM(list(system.nominal.values()))
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
     for i, label in enumerate(_labels(phase, "x", system.x)):
@@ -93,10 +92,14 @@ def _end_against_limit(
         )
 
 
-def _ends_outside(phase: Problem) -> Iterator[str]:
-    """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state."""
+def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
+    """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state.
+
+    A problem with free parameters is not judged: another value may move the end inside.
+    """
     system = phase.system
-    p = ca.DM(list(system.nominal.values()))
+    if any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to):
+        return
     states = [
         c
         for c in phase.subject_to

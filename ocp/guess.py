@@ -120,8 +120,9 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
     """Return a smooth motion between the ends that strays from the straight one, for a search of other optima.
 
-    The last layer of states is displaced by a bump of random size within its limits (half its range in the smooth
-    motion and a bit more where it has none), the duration by a random factor of about 1.5.
+    The last layer of states is displaced by a bump of random size, at most the distance of its limits (the range of
+    the smooth motion plus one where it has none), and kept within them; the duration is multiplied by a random factor,
+    log-normal with a standard deviation of 0.4.
 
     Args:
         problem: the problem.

@@ -127,19 +127,3 @@ def unpack(programme: Programme, z: Array, multipliers: Array, values: list[floa
     mu = multipliers[programme.defects] if len(multipliers) else np.zeros(programme.defects.shape)
     costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
     return Motion(duration, states, controls, slopes, costates, free, everything)
-
-
-def name_unknown(programme: Programme, place: int) -> str:
-    """Return in words which unknown stands at a place of z."""
-    layout, system = programme.layout, programme.problem.system
-    for kind, places in (("x", layout.state), ("u", layout.control)):
-        found = np.argwhere(places == place)
-        if len(found):
-            element, node, i = (int(part) for part in found[0])
-            name = system.label(kind, places.shape[2])[i].name
-            last = kind == "x" and element == len(places) - 1 and node == places.shape[1] - 1
-            when = (
-                "at the start" if kind == "x" and element == node == 0 else "at the end" if last else "along the motion"
-            )
-            return f"{name} {when}"
-    return "the duration" if place in layout.horizon else "a free parameter"

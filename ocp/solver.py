@@ -118,7 +118,7 @@ class Prepared:
         low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
         rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
         z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(programmes, guesses, values, strict=True)])
-        refused = [*contradictions(self.problem)]
+        refused = [*contradictions(self.problem, values)]
         wrong = refused or [*not_finite(self.problem, guesses, values)]
         if wrong:
             status = Status.INFEASIBLE if refused else Status.FAILED
@@ -166,7 +166,7 @@ class Prepared:
                     rung,
                     answer.log,
                 )
-            )  # fmt: skip
+            )
         if not reasons:
             reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
         message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value

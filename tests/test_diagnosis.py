@@ -129,3 +129,21 @@ def test_progress_on_a_long_solve(capsys: pytest.CaptureFixture[str], monkeypatc
     assert re.search(r"iteration \d+, cost [\d.]+, infeasibility \d\.\de[-+]\d+, \d+ s", told)
     assert solve(task, grid=GRID, solver=Ipopt(progress=False)).ok
     assert capsys.readouterr().err == ""
+
+
+def test_ends_are_judged_with_the_values_of_the_solve() -> None:
+    """A limit that depends on a parameter excludes the end for its nominal value only."""
+    x, u, reach = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("reach")
+    system = System(x, u, reach, u, {"x": x, "u": u}, {"reach": 1.0})
+    task = Problem(system, subject_to=(start(x, 0.0), end(x, 2.0), along(u, -1, 1), along(x / reach, upper=1.0)))
+    prepared = prepare(task, grid=GRID)
+    refused = prepared()
+    assert refused.status is Status.INFEASIBLE
+    assert refused.solver_status == "not started"
+    assert prepared(values={"reach": 2.5}).duration == pytest.approx(2.0, rel=1e-6)
+    # As an unknown the parameter may grow until the end is inside.
+    free = replace(task, subject_to=(*task.subject_to, along(reach, 0.5, 3.0)))
+    found = solve(free, grid=GRID)
+    assert found.ok
+    assert found.duration == pytest.approx(2.0, rel=1e-6)
+    assert found.free["reach"] >= 2.0 - 1e-6

@@ -31,10 +31,7 @@ def as_system(
     states = terms.states
     extra_rates = [ca.substitute(state.rate, machine.v, v) for state in states.values()]
     x = ca.vertcat(machine.q, symbol, *(state.symbol for state in states.values()))
-    shared = [name for name in terms.symbols if name in machine.symbols]
-    if shared:
-        raise ValueError(f"an effect defines the parameter {shared[0]!r}, which the machine has; rename it")
-    parameters = {**machine.symbols, **terms.symbols}
+    parameters = mechanics.parameters
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
     kind = symbol[0].name()[0]
     signals = {
