@@ -228,7 +228,7 @@ def straight_line(name, fastest=False, form=hamel, mass=2.0, force=15.0, duratio
         problem = Problem(arm, Fixed(duration), Bolza(running=ca.sumsqr(f)), conditions)
     rest = np.zeros(arm.x.numel() - len(q0))
     line = np.array([[*q0, *rest], [*q1, *rest]], dtype=float)
-    # At rest and without forces: the default starts the canonical form at r = 0, where massless links have no motion,
-    # and scales a drive that carries nothing by the rounding of its zero.
+    # At rest and without forces: the least-time cases, with no limit on any single drive, do not converge from the
+    # smooth default within its iterations.
     guess = Guess(np.array([0.0, 1.0]), line, np.zeros((2, len(q0))), duration, np.zeros(0))
     return Known(f"straight line, {name}", problem, time if fastest else energy, "elementary", guess=guess)
