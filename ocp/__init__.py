@@ -1,5 +1,6 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
+from ocp import integrators
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.constraint import Constraint, along, end, periodic, start
 from ocp.extension import extend, time_derivative
@@ -23,7 +24,7 @@ __all__ = [
     "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cylinder", "Fixed", "Free", "Grid", "Guess",
     "HalfSpace", "Ipopt", "Label", "Optimum", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
     "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "System", "Timings", "Trajectory",
-    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "multistart", "outside",
-    "periodic", "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
-    "time_derivative", "uniform", "verify",
+    "WiderLimits", "along", "end", "extend", "given", "inside", "integrators", "legendre", "load", "lobatto",
+    "multistart", "outside", "periodic", "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve",
+    "start", "straight_line", "time_derivative", "uniform", "verify",
 ]  # fmt: skip
