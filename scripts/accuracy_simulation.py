@@ -195,7 +195,9 @@ def cheapest(table: Table, levels: Sequence[float] = LEVELS, method: str | None 
     """
     names = list(dict.fromkeys(row.form for row in table.rows))
     chosen = [row for row in table.rows if method in (None, row.method)]
-    seconds = np.array([[seconds_at([r for r in chosen if r.form == name], level) for name in names] for level in levels])
+    seconds = np.array(
+        [[seconds_at([r for r in chosen if r.form == name], level) for name in names] for level in levels]
+    )
     known = np.all(np.isfinite(seconds), axis=1)
     if not np.any(known):
         return seconds, "no error level is reached by all forms"
@@ -223,7 +225,13 @@ def draw(table: Table, path: Path) -> None:
     names = list(dict.fromkeys(row.form for row in table.rows))
     methods = list(dict.fromkeys(row.method for row in table.rows))
     figure, axes = plt.subplots(
-        1, len(names), figsize=(4.2 * len(names) + 1.6, 4.0), sharex=True, sharey=True, squeeze=False, layout="constrained"
+        1,
+        len(names),
+        figsize=(4.2 * len(names) + 1.6, 4.0),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
     )
     for axis, name in zip(axes[0], names, strict=True):
         rows = [row for row in table.rows if row.form == name and np.isfinite(row.error) and row.error < 1.0]
@@ -238,7 +246,9 @@ def draw(table: Table, path: Path) -> None:
                 fixed = any(row.unit for row in rows if row.method == method)
                 axis.plot(*zip(*points, strict=True), "--s" if fixed else "-o", color=f"C{k % 10}" if k < 10 else "k",
                           markersize=3, linewidth=1.0, label=method)  # fmt: skip
-        axis.axvline(table.reference_error, color="#888888", linewidth=0.8, linestyle=":", label="error of the reference")
+        axis.axvline(
+            table.reference_error, color="#888888", linewidth=0.8, linestyle=":", label="error of the reference"
+        )
         axis.set(xscale="log", yscale="log", xlabel="error of q and v, share of the largest value", title=name)
         axis.invert_xaxis()
         axis.grid(visible=True, color="#e5e8eb", linewidth=0.6)
