@@ -37,7 +37,7 @@ class Method(Protocol):
         """
 
 
-def check_tolerances(rtol: float, atol: float | Array) -> None:
+def check_tolerances(rtol: float | Array, atol: float | Array) -> None:
     """Raise ValueError if a tolerance is not a number > 0."""
     if not (rtol > 0.0 and np.all(np.asarray(atol) > 0.0)):
         raise ValueError(f"rtol, atol: got {rtol}, {atol}, expected numbers > 0")

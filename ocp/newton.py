@@ -35,5 +35,5 @@ def root(unknowns: ca.SX, residual: ca.SX, data: list[ca.SX]) -> ca.Function:
     loop = done
     for _ in range(MOST_ITERATIONS):
         branch = ca.Function.if_else("branch", loop, done)
-        loop = ca.Function("loop", signature, branch(improved[1] > ENOUGH, *improved, *given))
-    return ca.Function("root", [z, *given], loop(z, 1, 0, *given))
+        loop = ca.Function("loop", signature, list(branch.call([improved[1] > ENOUGH, *improved, *given])))
+    return ca.Function("root", [z, *given], list(loop.call([z, ca.MX(1), ca.MX(0), *given])))

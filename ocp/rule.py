@@ -15,6 +15,9 @@ Array = np.ndarray
 class Rule(Protocol):
     """A one-step method, with fixed steps or, if it estimates its error, with a step control."""
 
+    def __hash__(self) -> int:
+        """Return a hash: compiled steps are kept for rules seen before."""
+
     @property
     def order(self) -> int:
         """Order of convergence."""

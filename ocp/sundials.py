@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -42,7 +43,7 @@ class Cvodes:
     family: Multistep = Multistep.ADAMS
     rtol: float = 1e-9
     atol: float | Array = 1e-9
-    extra: Mapping[str, object] = field(default_factory=dict)
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_tolerances(self.rtol, self.atol)
@@ -109,15 +110,16 @@ class Cvodes:
         scale = ca.MX.sym("scale", nx)
         at = place[0] + place[1] * tau
         u = shape.expression(at, values) if isinstance(shape, Polynomial) else shape(at)
-        equations = {
+        equations: Any = {
             "t": tau, "x": x, "p": ca.vertcat(p, ca.vec(values), place, width, scale),
             "ode": width * rate(system)(scale * x, u, p) / scale,
         }  # fmt: skip
-        options = {
+        options: dict[str, Any] = {
             "linear_multistep_method": self.family.value, "reltol": self.rtol, "abstol": 1.0,
             "max_num_steps": 100_000, "disable_internal_warnings": True, "show_eval_warnings": False,
         }  # fmt: skip
-        return ca.integrator("cvodes", "cvodes", equations, 0.0, list(shares), {**options, **self.extra})
+        made: ca.Function = ca.integrator("cvodes", "cvodes", equations, 0.0, list(shares), {**options, **self.extra})
+        return made
 
 
 def _pairs(stops: Array) -> list[Array]:
@@ -144,5 +146,5 @@ class _Called(ca.Callback):
     def get_sparsity_out(self, _: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._nu, 1)
 
-    def eval(self, arguments: list[ca.DM]) -> list[ca.DM]:
+    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         return [ca.DM(self._control(float(arguments[0])))]

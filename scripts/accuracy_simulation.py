@@ -132,7 +132,8 @@ def measure(
         RuntimeError: the reference of a form did not reach the end.
     """
     places = horizon * np.arange(1, PLACES + 1) / PLACES
-    references, rougher = [], []
+    references: list[Array] = []
+    rougher: list[Array] = []
     for name, (system, x0) in cases.items():
         for tol, kept in ((1e-13, references), (1e-12, rougher)):
             motion = simulate(system, x0, control, places, breaks=breaks, rtol=tol, atol=tol)

@@ -1,4 +1,4 @@
-"""Write docs/integrators.md, measured orders and long-time energy of the integrators: python tests/write_integrators.py."""
+"""Write docs/integrators.md, measured orders and long-time energy: python tests/write_integrators.py."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ HEAD = """# Integrators, measured
 `python tests/write_integrators.py` writes this page; the tests hold every order to the theory within 0.35.
 
 `simulate(system, x0, control, times, method=...)` takes any of `ocp.integrators`. With error control: `extrapolation`
-(order 16, the default), `dormand_prince_5`, `dormand_prince_8`, `radau_5` (stiff), `adams` and `bdf` (CVODES). With steps
-of one width: those of the table. All steps end where the control jumps.
+(order 16, the default), `dormand_prince_5`, `dormand_prince_8`, `radau_5` (stiff), `adams` and `bdf` (CVODES). With
+steps of one width: those of the table. All steps end where the control jumps.
 
 ## Orders
 
