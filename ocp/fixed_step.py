@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import Evaluation
 from ocp.method import Array, Passage, check_step, stopped
 from ocp.newton import ACCEPTED
 from ocp.piece import Piece
@@ -43,25 +44,30 @@ class FixedStep:
         """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
         schedule = _Schedule.of(pieces, self.step)
         n = next((size for size in BATCHES if size >= len(schedule.starts)), BATCHES[-1])
-        run = batch(self.rule, system, n)
+        run = Evaluation(batch(self.rule, system, n))
         xs = np.full((len(schedule.ends), len(x0)), np.nan)
-        p = np.tile(np.array(parameters, dtype=float)[:, None], n)
         x, evaluations = x0, 0
+        # Columns lie one after the other: a row of these is a step.
+        states, changes, counts = run.outputs[0].reshape(n, len(x0)), run.outputs[1], run.outputs[2]
+        run.inputs[3][:] = np.tile(np.array(parameters, dtype=float), n)
         for first in range(0, len(schedule.starts), n):
-            widths, u = schedule.steps(first, n, self.rule.places, system.u.numel())
-            states, changes, counts = (np.array(part) for part in run(x, widths[None, :], u, p))
+            run.inputs[0][:] = x
+            run.inputs[1][:], run.inputs[2][:] = schedule.steps(first, n, self.rule.places, system.u.numel())
+            for output in run.outputs:
+                output[:] = np.nan  # should the evaluation itself break off
+            run.call()
             steps = min(n, len(schedule.starts) - first)
-            bad = ~(np.all(np.isfinite(states), axis=0) & (changes[0] <= ACCEPTED))[:steps]
+            bad = ~(np.all(np.isfinite(states), axis=1) & (changes <= ACCEPTED))[:steps]
             good = int(np.argmax(bad)) if np.any(bad) else steps
             rows = slice(*np.searchsorted(schedule.ends, [first, first + good]))
-            xs[rows] = states[:, schedule.ends[rows] - first].T
-            evaluations += int(counts[0, : min(good + 1, steps)].sum())
+            xs[rows] = states[schedule.ends[rows] - first]
+            evaluations += int(np.nansum(counts[: min(good + 1, steps)]))
             if good < steps:
-                diverged = np.isfinite(changes[0, good]) and changes[0, good] > ACCEPTED
+                diverged = np.isfinite(changes[good]) and changes[good] > ACCEPTED
                 reason = "the iteration for an implicit step did not converge; take a smaller step"
                 message = stopped(schedule.starts[first + good], reason if diverged else "f is not finite")
                 return Passage(xs, message, evaluations)
-            x = states[:, steps - 1]
+            x = states[steps - 1].copy()
         return Passage(xs, "", evaluations)
 
 
@@ -91,7 +97,7 @@ class _Schedule:
         return cls(pieces, starts, widths, ends, begins)
 
     def steps(self, first: int, n: int, places: Array, nu: int) -> tuple[Array, Array]:
-        """Return widths (n,) and controls (nu, n s) of n steps; those beyond the end have no width."""
+        """Return widths (n,) and controls (n s nu,) of n steps; those beyond the end have no width."""
         last = min(first + n, len(self.starts))
         widths, u = np.zeros(n), np.zeros((n, len(places), nu))
         widths[: last - first] = self.widths[first:last]
@@ -102,7 +108,7 @@ class _Schedule:
             times = self.starts[at:until, None] + self.widths[at:until, None] * places
             u[at - first : until - first] = self.pieces[k].control.sample(times.ravel()).reshape(*times.shape, nu)
             at, k = until, k + 1
-        return widths, u.reshape(n * len(places), nu).T
+        return widths, u.ravel()
 
 
 @functools.lru_cache(maxsize=32)
@@ -117,4 +123,5 @@ def batch(rule: Rule, system: System, n: int) -> ca.Function:
     step = rule.step(system)
     given = [ca.MX.sym(name, *step.size_in(i)) for i, name in enumerate("xhup")]
     new, _, change, evaluations = step.call(given)
-    return ca.Function("one", given, [new, change, evaluations]).mapaccum(n)
+    kept = [ca.densify(part) for part in (new, change, evaluations)]
+    return ca.Function("one", given, kept).mapaccum(n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Protocol
 
 import casadi as ca
@@ -53,6 +54,7 @@ def symbols(system: System, stages: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     return ca.SX.sym("x", nx), ca.SX.sym("h"), ca.SX.sym("u", nu, stages), ca.SX.sym("p", np_)
 
 
+@functools.lru_cache(maxsize=32)
 def rate(system: System) -> ca.Function:
     """Return f: (x, u, p) -> dx/dt, dense."""
     return ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)])
