@@ -18,6 +18,7 @@ from ocp.switching import switching_functions
 Array = np.ndarray
 BETWEEN = 16  # places on each element at which state limits are checked
 ROUNDING = 1e-9  # share of the range of a state limit that is no violation
+RELEASED = 1e-4  # share of the cost per range of a limit, below zero, at which holding it counts as wrong
 SIGNIFICANT = 1e-6  # share of the Hamiltonian below which a switching function is zero
 
 
@@ -82,11 +83,19 @@ def certify(
     sizes = [limit.range / cost for limit in limits]
     # At an upper limit multipliers and jumps are positive, at a lower one negative.
     jumps = tuple(j for j in motion.jumps if j.size * j.contact.side * sizes[j.contact.limit] < -SIGNIFICANT)
+    # The multiplier is a high derivative and noisy on a short arc; its integral is not.
+    pushes = [float(np.sum(p.values * p.contact.side * _seconds(motion, p.arc, scheme))) for p in motion.pressures]
     released = tuple(
-        (p.arc, p.contact) for p in motion.pressures
-        if np.min(p.values * p.contact.side) * sizes[p.contact.limit] * motion.duration < -1e-3
-    )  # fmt: skip
+        (p.arc, p.contact)
+        for p, push in zip(motion.pressures, pushes, strict=True)
+        if push * sizes[p.contact.limit] < -RELEASED
+    )
     return Certificate(gap, signs, _crossings(problem, limits, motion, scheme, parameters), jumps, released)
+
+
+def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
+    """Return the quadrature weights (e, d) of the points of an arc [s]."""
+    return np.asarray(motion.duration * motion.grid.widths[motion.arc == arc][:, None] * scheme.weights)
 
 
 def _signs(

@@ -14,7 +14,7 @@ from ocp.grid import Grid
 from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.problem import Problem
-from ocp.reading import cells, contacts, read
+from ocp.reading import contacts, read
 from ocp.revision import revise, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
@@ -26,7 +26,7 @@ Array = np.ndarray
 SETTINGS = Ipopt(tol=1e-10, max_iter=100, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 PER_MOTION = 16  # elements of the whole motion at first, at least one for each arc
 DOUBLINGS = 3  # of the elements, until the residual is small enough
-RESIDUAL = 1e-10  # local error of the dynamics on an element that is small enough
+RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
 GAP = 1e-7  # share of the cost that wrong controls may leave
@@ -104,7 +104,7 @@ def polish(
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
                 seconds = time.perf_counter() - begun
-                return _polished(problem, limits, solution, tried, scheme, (solves, iterations, seconds))
+                return _polished(problem, limits, solution, tried, scheme, (iterations, seconds))
             found = tried.motion.answer.cost
             reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
         if reading + 1 < READINGS:
@@ -129,7 +129,8 @@ def _settle(
         elements = _elements(arcs, level)
         loose = any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in singular)
         weight = WEIGHT * abs(coarse.cost) / coarse.duration if loose else 0.0
-        motion = solve_arcs(problem, limits, arcs, elements, scheme, guess, coarse.values, settings, weight)
+        begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
+        motion = solve_arcs(problem, limits, arcs, elements, scheme, guess, coarse.values, begin, weight)
         solves, iterations = solves + 1, iterations + motion.answer.iterations
         seen.add(_key(arcs))
         if motion.answer.status is not Status.SOLVED:
@@ -199,7 +200,6 @@ def _doubt(problem: Problem, solution: Solution) -> float:
 
 def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> Grid:
     """Return the grid with elements in four where a control is between its limits or a state limit begins or ends."""
-    edges, _, share = cells(problem, solution)
     holds, touches = contacts(problem, solution, limits)
     doubtful = {t for t, _ in touches} | {t for hold in holds for t in (hold.start, hold.end)}
     starts = np.cumsum([arc.duration for arc in read(problem, solution, limits)])[:-1]
@@ -234,12 +234,12 @@ def _as_solution(
 
 def _polished(
     problem: Problem, limits: tuple[StateLimit, ...], given: Solution, tried: _Try, scheme: Scheme,
-    spent: tuple[int, int, float],
+    spent: tuple[int, float],
 ) -> Solution:  # fmt: skip
     motion, certificate = tried.motion, tried.certificate
     assert motion is not None
     assert certificate is not None
-    solves, iterations, seconds = spent
+    iterations, seconds = spent
     found = _as_solution(problem, given, motion, scheme, _parameters(problem, given, motion))
     words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
     if motion.price > 0.0:

@@ -138,8 +138,8 @@ def _spells(edges: Array, place: Array, share: Array, holds: list[Hold]) -> list
     middle, widths = (edges[:-1] + edges[1:]) / 2.0, np.diff(edges)
     kinds: list[Kind | None] = [Kind.LOWER if a < EDGE else Kind.UPPER if a > 1.0 - EDGE else None for a in place]
     for hold in holds:
-        for c in np.flatnonzero((middle > hold.start) & (middle < hold.end)):
-            kinds[int(c)] = Kind.HOLDING
+        for covered in np.flatnonzero((middle > hold.start) & (middle < hold.end)).tolist():
+            kinds[covered] = Kind.HOLDING
     starts = list(edges[:-1])
     c = 0
     while c < len(kinds):

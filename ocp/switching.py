@@ -20,7 +20,7 @@ class SwitchingFunctions:
 
     Args:
         values: (K, nu) [cost/s per unit of the control].
-        gains: (K, nu) cost per second that the best value of each control would save to first order, >= 0.
+        gains: (K, nu) cost per second that the best value of each control alone would save, >= 0.
         shares: (K, nu) values times the range of the control, relative to the size of the Hamiltonian's terms.
     """
 
@@ -48,15 +48,20 @@ def switching_functions(
     hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
     terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
     slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    function = ca.Function("switching", [system.x, system.u, system.p, costate], [slope, terms])
+    curvature = ca.vertcat(*(ca.jacobian(slope[i], system.u[i]) for i in range(system.u.numel())))
+    outputs = [slope, terms, ca.densify(curvature)]
+    function = ca.Function("switching", [system.x, system.u, system.p, costate], outputs)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
     found = function.map(len(x))(x.T, u.T, p, costates.T)
-    values, sizes = np.array(found[0]).T, np.array(found[1]).ravel()
+    values, sizes, bends = np.array(found[0]).T, np.array(found[1]).ravel(), np.array(found[2]).T
     size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
     low, high = problem.limits(Where.ALONG, system.u)
     reach = np.max(np.abs(u), axis=0, initial=0.0)
     span = np.where(np.isfinite(high - low), high - low, reach)
-    best = np.where(
-        values > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
-    )
-    return SwitchingFunctions(values, np.maximum(values * (u - best), 0.0), values * span / size)
+    least, most = np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
+    # H is taken as a parabola in each control: its best value is its vertex or an end of the range.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = np.where(bends > 0.0, u - values / bends, np.where(values > 0.0, least, most))
+    step = np.clip(vertex, least, np.maximum(least, most)) - u
+    gains = np.maximum(-(values * step + np.maximum(bends, 0.0) / 2.0 * step**2), 0.0)
+    return SwitchingFunctions(values, gains, values * span / size)
