@@ -1,8 +1,8 @@
 """Direct collocation: a problem on a grid becomes a sparse programme with its derivatives.
 
-Everything nonlinear happens at single points: one function of (x, u) at a collocation point, and one of both ends.
-Each is differentiated once (SX, cse) and mapped; the rest is constant, sparse and linear, and scatters the small
-derivatives into the large ones. So the symbolic work does not depend on the grid.
+One function stands for an element (defects, path constraints, running cost), one for both ends of the motion. Each is
+differentiated once (SX, cse), mapped and scattered into the large sparse matrices: the symbolic work does not depend
+on the grid.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.assembly import Entry, Local, assemble
+from ocp.assembly import Local, assemble
 from ocp.collocation import Control, Scheme
 from ocp.constraint import Where, simple
 from ocp.grid import Grid
@@ -20,13 +20,8 @@ from ocp.layout import Layout, lay_out
 from ocp.problem import Fixed, Problem
 from ocp.programme import Programme
 from ocp.scaling import Scaling
-from ocp.sparse import Triplets
-from ocp.system import System
 
 Array = np.ndarray
-
-
-Block = tuple[Local, list[ca.MX]]  # a local function and its inputs, one column for each copy
 
 
 def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -> Programme:
@@ -39,154 +34,127 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         scaling: magnitudes of the unknowns.
     """
     system, n = problem.system, len(grid)
-    nx, nu = system.x.numel(), system.u.numel()
+    nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, not fixed, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
-    rows_d = np.arange(n * len(scheme.rate) * nx).reshape(n, len(scheme.rate), nx)
-    counts = np.cumsum([rows_d.size, *(n * len(places) for places in tau)])
-    rows_p = tuple(first + np.arange(n * len(t)).reshape(n, len(t)) for first, t in zip(counts, tau, strict=False))
-    rows_e = counts[-1] + np.arange(len(ends_parts))
-
-    s = ca.MX.sym("s", system.p.numel() + fixed + n)
-    p, duration, widths = s[: system.p.numel()], s[system.p.numel() : system.p.numel() + fixed], s[-n:]
-    inputs = _Inputs(p, duration, widths.T)
     symbols = _symbols(problem, layout, free, scaling)
-    places = _Places(scheme, layout)
-    path = symbols.physical(ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in path_parts)))
-    blocks = [
-        _at_points(problem, places, symbols, inputs, path, (rows_d, rows_p), tau),
-        *_at_edges(places, symbols, inputs, path, rows_p, tau),
-        _at_ends(problem, places, symbols, inputs, ends_parts, rows_e),
-    ]
-    price = problem.minimise.time
-    time = layout.horizon, price * scaling.horizon, ca.sum1(duration) * price if fixed else ca.MX(0)
-    linear = _linear(scheme, layout, rows_d)
-    z = ca.MX.sym("z", layout.size)
-    nlp, derivatives = assemble(layout.size, linear, int(counts[-1]) + len(ends_parts), time, blocks, z, s)
+    element = _element(problem, scheme, layout, symbols, path_parts, tau)
+    ends = _ends(problem, scheme, layout, symbols, ends_parts)
+
+    s = ca.MX.sym("s", np_ + fixed + n)
+    p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
+    blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
+    nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
+    rows = np.arange(n * element.rows).reshape(n, -1)
+    defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
-        rows_d, rows_p, rows_e, path_parts, ends_parts,
+        defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Symbols:
-    """Symbols of one place in scaled unknowns, and the way back to physical expressions."""
+    """Symbols that all places share: unknowns of the whole motion, and parameters."""
 
-    system: System
-    scaling: Scaling
-    x: ca.SX  # (nx,) scaled state
-    u: ca.SX  # (nu,) scaled control
     shared: ca.SX  # duration (if it is an unknown) and free parameters, scaled
     p: ca.SX  # (np,) parameters
     given: ca.SX  # fixed duration, or empty
-    width: ca.SX  # of the element
     duration: ca.SX  # [s]
     parameters: ca.SX  # (np,) with the free ones replaced by unknowns
+    scaling: Scaling
 
-    @property
-    def unknowns(self) -> ca.SX:
-        """(nx + nu + shared,) unknowns of a function of one place."""
-        return ca.vertcat(self.x, self.u, self.shared)
-
-    def physical(self, expression: ca.SX, x: ca.SX | None = None, u: ca.SX | None = None) -> ca.SX:
-        """Return an expression of the system in scaled unknowns, at this place or at (x, u)."""
-        system, scaling = self.system, self.scaling
-        inline = ca.Function("e", [system.x, system.u, system.p], [expression])
-        x, u = self.x if x is None else x, self.u if u is None else u
-        return ca.densify(inline(x * scaling.x, u * scaling.u, self.parameters))
+    def physical(self, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return state, control and parameters from the scaled state and control of a place."""
+        return x * self.scaling.x, u * self.scaling.u, self.parameters
 
 
 def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) -> _Symbols:
-    system, fixed = problem.system, int(isinstance(problem.horizon, Fixed))
+    fixed = int(isinstance(problem.horizon, Fixed))
     shared = ca.SX.sym("shared", layout.horizon.size + len(free))
-    p, given = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T", fixed)
+    p, given = ca.SX.sym("p", problem.system.p.numel()), ca.SX.sym("T", fixed)
     parameters = ca.SX(p)
     for place, number in enumerate(free):
         parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
-    x, u = ca.SX.sym("x", system.x.numel()), ca.SX.sym("u", system.u.numel())
     duration = given if fixed else shared[0] * scaling.horizon
-    return _Symbols(system, scaling, x, u, shared, p, given, ca.SX.sym("h"), duration, parameters)
+    return _Symbols(shared, p, given, duration, parameters, scaling)
 
 
-@dataclass(frozen=True, eq=False)
-class _Inputs:
-    """Parameters, fixed duration and widths of the elements, as inputs of local functions."""
+def _element(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols,
+    parts: tuple[tuple[int, int], ...], tau: tuple[list[float], ...],
+) -> Local:  # fmt: skip
+    """Return the function of an element: defects point by point, every path constraint at its places, and the cost."""
+    system, (n, m, nx), (c, nu) = problem.system, layout.state.shape, layout.control.shape[1:]
+    path = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k in parts))
+    inside = ca.Function("f", [system.x, system.u, system.p], [system.rate, problem.minimise.running, path])
+    x, u, width = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("h")
+    rate, running, limited = inside(*symbols.physical(x, u))
+    step = width * symbols.duration
 
-    p: ca.MX
-    duration: ca.MX
-    widths: ca.MX  # (1, N)
-
-    def copies(self, places: int) -> list[ca.MX]:
-        """Return them for copies at a number of places of all elements, place by place."""
-        count = self.widths.shape[1] * places
-        return [ca.repmat(self.p, 1, count), ca.repmat(self.duration, 1, count), ca.repmat(self.widths, 1, places)]
-
-
-def _at_points(
-    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
-    rows: tuple[Array, tuple[Array, ...]], tau: tuple[list[float], ...],
-) -> Block:  # fmt: skip
-    """Return the function of the collocation points: rates, running cost and path constraints."""
-    scheme, (n, _, nx) = places.scheme, rows[0].shape
-    step = symbols.width * symbols.duration
-    rate = step * symbols.physical(symbols.system.rate) / symbols.scaling.x
-    running = step * symbols.physical(problem.minimise.running)
-    dynamics = [[(r, -factor) for r, factor in _rows_of_rate(scheme, rows[0][:, :, a])] for a in range(nx)]
-    limits = [_rows_of_path(r, t, scheme.points) for r, t in zip(rows[1], tau, strict=True)]
-    copies = n * scheme.degree
-    cost = np.vstack([np.zeros((nx, copies)), np.repeat(scheme.weights, n), np.zeros((len(limits), copies))])
-    local = Local(
-        ca.vertcat(rate, running, path), symbols.unknowns, (symbols.p, symbols.given, symbols.width), copies,
-        places.columns(list(scheme.points)), [*dynamics, [], *limits], cost,
+    defects, points = len(scheme.rate) * nx, scheme.points.tolist()
+    rows = defects + np.cumsum([0, *(len(held) for held in tau)])
+    shared = np.concatenate([layout.horizon, layout.free])
+    terms = []
+    for t in sorted({*points}.union(*tau)):
+        outer = np.zeros((rows[-1] + 1, nx + 1 + len(parts)))
+        if t in points:
+            outer[:defects, :nx] = np.kron(-scheme.rate[:, [points.index(t)]], np.eye(nx))
+            outer[-1, nx] = scheme.weights[points.index(t)]
+        for k, held in enumerate(tau):
+            if t in held:
+                outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
+        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
+        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(len(shared)))))
+    linear = np.zeros((rows[-1] + 1, m * nx + c * nu + len(shared)))
+    linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
+    places = layout.state.reshape(n, -1).T, layout.control.reshape(n, -1).T, np.tile(shared[:, None], n)
+    return Local(
+        ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
+        (symbols.p, symbols.given, width), linear, terms, np.vstack(places),
     )  # fmt: skip
-    return local, inputs.copies(scheme.degree)
 
 
-def _at_edges(
-    places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
-    rows: tuple[Array, ...], tau: tuple[list[float], ...],
-) -> list[Block]:  # fmt: skip
-    """Return the function of path constraints at ends of elements that are no collocation points, if there are any."""
-    edges = [t for t in (0.0, 1.0) if t not in places.scheme.points and any(t in held for held in tau)]
-    if not edges:
-        return []
-    there = [c for c, held in enumerate(tau) if any(t in held for t in edges)]
-    copies = len(places.layout.state) * len(edges)
-    local = Local(
-        path[there], symbols.unknowns, (symbols.p, symbols.given), copies, places.columns(edges),
-        [_rows_of_path(rows[c], tau[c], np.array(edges)) for c in there], np.zeros((len(there), copies)),
-    )  # fmt: skip
-    return [(local, inputs.copies(len(edges))[:2])]
-
-
-def _at_ends(
-    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs,
-    parts: tuple[tuple[int, int, Where], ...], rows: Array,
-) -> Block:  # fmt: skip
-    """Return the function of both ends of the motion: conditions there, and the final cost."""
-    nx, nu = symbols.x.numel(), symbols.u.numel()
+def _ends(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, parts: tuple[tuple[int, int, Where], ...]
+) -> Local:
+    """Return the function of both ends of the motion: conditions there, the final cost and the price of time."""
+    system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
+    conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
+    there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final])
     first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
-    sides = {where: ca.vertsplit(end, [0, nx, nx + nu]) for where, end in ((Where.START, first), (Where.END, last))}
+    (before, _), (after, final) = (there(*symbols.physical(*ca.vertsplit(w, [0, nx, nx + nu]))) for w in (first, last))
+    values = {Where.START: before, Where.END: after, Where.PERIODIC: after - before}
+    rows = [values[where][k] for k, (_, _, where) in enumerate(parts)]
+    cost = minimise.time * symbols.duration + final
 
-    def condition(i: int, c: int, where: Where) -> ca.SX:
-        if where is Where.PERIODIC:
-            return condition(i, c, Where.END) - condition(i, c, Where.START)
-        return symbols.physical(problem.subject_to[i].expression[c], *sides[where])
-
-    final = symbols.physical(problem.minimise.final, *sides[Where.END])
-    at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
-    at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
-    local = Local(
-        ca.vertcat(*(condition(i, c, where) for i, c, where in parts), final),
-        ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), 1, [*at_first, *at_last],
-        [*([(rows[b : b + 1], np.ones(1))] for b in range(len(parts))), []],
-        np.append(np.zeros(len(parts)), 1.0)[:, None],
+    at = [layout.state[0, 0], layout.control[0].ravel(), layout.state[-1, -1], layout.control[-1].ravel()]
+    # The first element may be the last one as well.
+    places, number = np.unique(np.concatenate([*at, layout.horizon, layout.free]), return_inverse=True)
+    shared = layout.horizon.size + layout.free.size
+    inner = _diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
+    return Local(
+        ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given),
+        np.zeros((len(rows) + 1, len(places))), [(np.eye(len(rows) + 1), inner @ np.eye(len(places))[number])],
+        places[:, None],
     )  # fmt: skip
-    return local, [inputs.p, inputs.duration]
+
+
+def _control(scheme: Scheme, tau: float, nu: int) -> Array:
+    """Return the matrix that takes the control unknowns of an element to the control at tau."""
+    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
+
+
+def _diagonal(*blocks: Array) -> Array:
+    """Return the matrix with the given blocks on its diagonal."""
+    rows, columns = (np.cumsum([0, *(block.shape[i] for block in blocks)]) for i in (0, 1))
+    whole = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows, columns, strict=False):
+        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return whole
 
 
 def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
@@ -200,51 +168,6 @@ def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
     if jumps:
         return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
     return sorted({*points, 1.0} - {0.0})
-
-
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """What the unknowns of a local function are made of at given places of all elements."""
-
-    scheme: Scheme
-    layout: Layout
-
-    def columns(self, tau: list[float]) -> list[list[Entry]]:
-        """Return the columns of [x; u; shared] for copies at tau_1 on all elements, then tau_2, and so on."""
-        layout, scheme = self.layout, self.scheme
-        nx, nu, n = layout.state.shape[2], layout.control.shape[2], len(layout.state)
-        nodes = [int(np.argmin(np.abs(scheme.nodes - t))) for t in tau]
-        shape = scheme.control_at(np.array(tau))
-        states = [[(layout.state[:, nodes, i].T.ravel(), np.ones(1))] for i in range(nx)]
-        controls = [
-            [(np.tile(layout.control[:, m, i], len(tau)), np.repeat(shape[:, m], n)) for m in range(shape.shape[1])]
-            for i in range(nu)
-        ]
-        shared = [[(np.full(n * len(tau), q), np.ones(1))] for q in (*layout.horizon, *layout.free)]
-        return [*states, *controls, *shared]
-
-
-def _rows_of_rate(scheme: Scheme, rows: Array) -> list[Entry]:
-    """Return the defect rows (N, r) of one state that its rate adds to, for copies point by point."""
-    d = scheme.degree
-    return [(np.tile(rows[:, i], d), np.repeat(scheme.rate[i], len(rows))) for i in range(rows.shape[1])]
-
-
-def _rows_of_path(rows: Array, tau: list[float], places: Array) -> list[Entry]:
-    """Return the rows (N, m) of a path constraint that holds at tau, for copies at given places."""
-    number = [tau.index(t) if t in tau else -1 for t in places.tolist()]
-    held = np.repeat([float(k >= 0) for k in number], len(rows))
-    return [(np.concatenate([rows[:, max(k, 0)] for k in number]), held)]
-
-
-def _linear(scheme: Scheme, layout: Layout, defects: Array) -> tuple[Array, Array, Array]:
-    """Return rows, columns and values of the part of the defects that is linear in the states."""
-    parts = [
-        (defects[:, i, :], layout.state[:, m, :], float(scheme.state[i, m]), defects[:, i, :])
-        for i, m in np.argwhere(scheme.state != 0.0)
-    ]
-    t = Triplets.gather(parts)
-    return t.rows, t.columns, t.coefficients
 
 
 def free_parameters(problem: Problem) -> Array:
