@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.collocation import Scheme, lagrange_matrix, slope_matrix
+from ocp.collocation import Scheme
 from ocp.constraint import Where
 from ocp.division import Condition, Division, Near
 from ocp.grid import Grid
 from ocp.guess import Guess, ends
 from ocp.ipopt import Answer, Ipopt, build, run
+from ocp.multipliers import Jump, Pressure, Tie, adjoin_directly
 from ocp.problem import Free, Problem
 from ocp.programme import Programme, bounds, pack
 from ocp.scaling import from_limits
@@ -24,24 +25,6 @@ from ocp.transcription import free_parameters, transcribe
 
 Array = np.ndarray
 LEAST = 1e-9  # duration of an arc below which it counts as vanished, share of the whole
-
-
-@dataclass(frozen=True, eq=False)
-class Pressure:
-    """The multiplier eta of a state limit along an arc."""
-
-    arc: int
-    contact: Contact
-    values: Array  # (e, d) at the points of the elements of the arc [cost/s per unit of the limit]
-
-
-@dataclass(frozen=True)
-class Jump:
-    """The jump of the costate along the gradient of a state limit, before minus after."""
-
-    arc: int  # at whose start it happens
-    contact: Contact
-    size: float  # [cost per unit of the limit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +119,10 @@ def solve_arcs(
     mu = answer.multipliers[programme.defects]
     costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
     grid = _grid(found, arc, widths)
-    pressures, jumps = _direct(problem, limits, ties, programme, answer, (states, controls, costates), grid, parameters)
-    seconds = grid.widths * found.sum()
-    price = sum(
-        float(np.sum(
-            n.weight / 2.0 * np.repeat(n.shares, len(n.elements)) * np.tile(seconds[n.elements], len(n.tau))
-            * np.sum(((_by_place(controls, n) - n.reference) / n.size) ** 2, axis=1)
-        )) for n in near
-    )  # fmt: skip
+    pressures, jumps = adjoin_directly(
+        problem, limits, ties, programme, answer, (states, controls, costates), grid, parameters
+    )
+    price = sum(_price(n, controls, grid.widths * found.sum()) for n in near)
     return ArcMotion(done, answer, grid, arc, states, controls, costates, pressures, jumps, free, setup, price)
 
 
@@ -168,17 +147,17 @@ def _near(
         if len(chosen) == 0:
             continue
         own = np.flatnonzero(arc == k)
-        share = grid.ends[own] + scheme.points[:, None] * grid.widths[own]
-        reference = guess.control(share.ravel())[:, chosen]
+        share = grid.ends[own][:, None] + grid.widths[own][:, None] * scheme.points
+        reference = guess.control(share)[:, :, chosen]
         size = np.where(np.isfinite(high - low), high - low, 1.0)[chosen]
-        found.append(Near(chosen, reference, size, weight, own, tuple(scheme.points), scheme.weights))
+        found.append(Near(chosen, reference, size, weight, own, scheme.weights))
     return tuple(found)
 
 
-def _by_place(controls: Array, near: Near) -> Array:
-    """Return controls (N, d, nu) in the order of a reference (places * elements, m)."""
-    own = controls[near.elements][:, :, near.controls]
-    return np.asarray(own.transpose(1, 0, 2).reshape(-1, len(near.controls)))
+def _price(near: Near, controls: Array, seconds: Array) -> float:
+    """Return what leaving a reference costs."""
+    away = (controls[near.elements][:, :, near.controls] - near.reference) / near.size
+    return float(near.weight / 2.0 * seconds[near.elements] @ np.sum(away**2, axis=2) @ near.shares)
 
 
 def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
@@ -189,31 +168,21 @@ def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
     return Grid(share)
 
 
-@dataclass(frozen=True, eq=False)
-class _Tie:
-    """A condition of an arc: that a limit is held along it, or met at its start."""
-
-    condition: Condition
-    arc: int
-    contact: Contact
-    along: bool
-
-
 def _ties(
     problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, ...], arc: Array, scheme: Scheme,
     numbers: list[float],
-) -> list[_Tie]:  # fmt: skip
+) -> list[Tie]:  # fmt: skip
     """Return the conditions of held and touched limits."""
     _, _, (start_known, _) = ends(problem, ca.DM(numbers))
     total = sum(a.duration for a in arcs)
-    ties: list[_Tie] = []
+    ties: list[Tie] = []
 
-    def met(k: int, contact: Contact, count: int) -> _Tie:
+    def met(k: int, contact: Contact, count: int) -> Tie:
         limit, value = limits[contact.limit], np.zeros(count)
         value[0] = limit.at(contact.side)
         size = limit.range / total ** np.arange(count)
         first = np.flatnonzero(arc == k)[:1]
-        return _Tie(Condition(ca.vertcat(*limit.chain[:count]), value, size, first, (0.0,)), k, contact, False)
+        return Tie(Condition(ca.vertcat(*limit.chain[:count]), value, size, first, (0.0,)), k, contact, False)
 
     for k, a in enumerate(arcs):
         before = {(c.limit, c.side) for c in arcs[k - 1].held} if k else set()
@@ -221,7 +190,7 @@ def _ties(
             limit = limits[contact.limit]
             value = np.zeros(1) if limit.order else np.array([limit.at(contact.side)])
             size, own = np.array([limit.range / total**limit.order]), np.flatnonzero(arc == k)
-            ties.append(_Tie(Condition(limit.chain[-1], value, size, own, tuple(scheme.points)), k, contact, True))
+            ties.append(Tie(Condition(limit.chain[-1], value, size, own, tuple(scheme.points)), k, contact, True))
             if limit.order and (contact.limit, contact.side) not in before and not (k == 0 and start_known):
                 ties.append(met(k, contact, limit.order))
         ties += [met(k, contact, min(limits[contact.limit].order, 2)) for contact in a.touched]
@@ -256,54 +225,3 @@ def _pinned(
                 chosen = programme.path[rows[limit.constraint, limit.component]][own]
                 rows_low[chosen], rows_high[chosen] = -np.inf, np.inf
     return low, high, rows_low, rows_high
-
-
-def _direct(
-    problem: Problem, limits: tuple[StateLimit, ...], ties: list[_Tie], programme: Programme, answer: Answer,
-    motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
-) -> tuple[tuple[Pressure, ...], tuple[Jump, ...]]:  # fmt: skip
-    """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.
-
-    lambda = lambda_r + sum_k (-1)^k mu^(k) grad c^(r - 1 - k),  eta = (-1)^r mu^(r)
-
-    with the multiplier mu of c^(r) = 0; eta >= 0 and jumps >= 0 at an upper limit of an optimal motion.
-    """
-    system, scheme = problem.system, programme.scheme
-    states, controls, costates = motion
-    seconds = grid.widths * sum(answer.z[programme.layout.horizon]) * programme.scaling.horizon
-    at_points = list(scheme.at)
-    pressures: list[Pressure] = []
-    jumps: list[Jump] = []
-    entering: dict[tuple[int, Contact], float] = {}
-    leaving: dict[tuple[int, Contact], float] = {}
-    edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
-    for tie, rows in zip(ties, programme.conditions, strict=True):
-        limit, own = limits[tie.contact.limit], tie.condition.elements
-        if not tie.along:
-            continue
-        h = seconds[own][:, None]
-        raw = answer.multipliers[rows[0]].reshape(scheme.degree, len(own)).T
-        rates = [raw / tie.condition.size[0] / (scheme.weights * h)]
-        for _ in range(limit.order):
-            rates.append(rates[-1] @ slope_matrix(scheme.points, scheme.points).T / h)
-        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
-        if limit.order:
-            function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
-            x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
-            found = function.map(len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
-            for k in range(limit.order):
-                gradient = np.array(found[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
-                costates[own] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[own].shape)
-            # What the last derivative but one is at both ends of the arc is part of the jumps there.
-            last = (-1) ** (limit.order - 1) * rates[limit.order - 1]
-            entering[tie.arc, tie.contact] = float(edges[0] @ last[0])
-            leaving[tie.arc, tie.contact] = float(edges[1] @ last[-1])
-        pressures.append(Pressure(tie.arc, tie.contact, (-1) ** limit.order * rates[-1]))
-    for tie, rows in zip(ties, programme.conditions, strict=True):
-        if not tie.along:
-            push = float(answer.multipliers[rows[0, 0]] / tie.condition.size[0])
-            jumps.append(Jump(tie.arc, tie.contact, push - entering.get((tie.arc, tie.contact), 0.0)))
-    for (k, contact), size in leaving.items():
-        # A limit that the next arc goes on holding has one jump there, the difference of both sides.
-        jumps.append(Jump(k + 1, contact, size - entering.get((k + 1, contact), 0.0)))
-    return tuple(pressures), tuple(jumps)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.arcs import ArcMotion, Jump
+from ocp.arcs import ArcMotion
 from ocp.collocation import Scheme
 from ocp.constraint import Where
+from ocp.multipliers import Jump
 from ocp.problem import Problem
 from ocp.statelimit import StateLimit
 from ocp.structure import Contact, Kind

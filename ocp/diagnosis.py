@@ -64,17 +64,17 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
-    for i, label in enumerate(_labels(phase, "x", system.x)):
-        for c in range(values.shape[1]):
-            if not np.allclose(rates[:, i], values[:, c], rtol=1e-10, atol=1e-14):
-                continue
-            for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
-                if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
-                    yield (
-                        f"{label.name} has {way:.4g} {label.unit} to go, which takes at least {way / fastest:.4g} s at "
-                        f"its limit of {fastest:.4g} {label.unit}/s, and the duration is at most {longest:.4g} s; "
-                        "allow more time or more speed"
-                    )
+    labels = _labels(phase, "x", system.x)
+    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-14 + 1e-10 * np.abs(values[:, None, :])
+    for i, c in np.argwhere(alike.all(axis=0)).tolist():
+        label = labels[i]
+        for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
+            if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
+                yield (
+                    f"{label.name} has {way:.4g} {label.unit} to go, which takes at least {way / fastest:.4g} s at "
+                    f"its limit of {fastest:.4g} {label.unit}/s, and the duration is at most {longest:.4g} s; "
+                    "allow more time or more speed"
+                )
 
 
 def _end_against_limit(

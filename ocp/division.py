@@ -28,6 +28,11 @@ class Condition:
     elements: Array
     tau: tuple[float, ...]
 
+    @property
+    def rows(self) -> int:
+        """Number of rows of the programme."""
+        return int(self.expression.numel() * len(self.elements) * len(self.tau))
+
 
 @dataclass(frozen=True, eq=False)
 class Near:
@@ -35,12 +40,11 @@ class Near:
 
     Args:
         controls: (m,) numbers of the controls.
-        reference: (places * elements, m), place by place.
+        reference: (e, d, m) at the collocation points of every element.
         size: (m,) magnitudes.
         weight: [cost/s].
         elements: (e,) numbers of the elements.
-        tau: collocation points.
-        shares: their quadrature weights.
+        shares: (d,) quadrature weights of the collocation points.
     """
 
     controls: Array
@@ -48,7 +52,6 @@ class Near:
     size: Array
     weight: float
     elements: Array
-    tau: tuple[float, ...]
     shares: Array
 
 

@@ -211,11 +211,13 @@ def _follow(
     for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
         rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
         for _ in range(ITERATIONS):
-            f, slope, _ = (np.array(part) for part in function(x.T, *held))
-            short = rates - f.T[:, known]
-            blocks = slope.T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
+            f, slope, _ = function(x.T, *held)
+            short = rates - np.array(f).T[:, known]
+            if not np.max(np.abs(short)) >= 1e-9:
+                break
+            blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
             blocks = blocks[:, known[:, None], wanted]
-            if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))) or np.max(np.abs(short)) < 1e-9:
+            if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))):
                 break
             x[:, wanted] += _least_squares(blocks, short)
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
@@ -268,8 +270,8 @@ def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Fu
     system, count = problem.system, len(x)
     low, high = problem.limits(Where.ALONG, system.u)
     u0 = np.clip(np.zeros(len(low)), low, high)
-    f, _, b = (np.array(part) for part in function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count)))
-    missing, blocks = rates - f.T, b.T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
+    f, _, b = function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count))
+    missing, blocks = rates - np.array(f).T, np.array(b).T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
     usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
     u = np.tile(u0, (count, 1))
     if len(u0) and usable.any():

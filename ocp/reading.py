@@ -46,10 +46,12 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -
     edges, u, share = cells(problem, solution)
     holds, touches = contacts(problem, solution, limits)
     low, high = problem.limits(Where.ALONG, problem.system.u)
+    places = [_place(u[:, i], low[i], high[i]) for i in range(u.shape[1])]
+    holds = [part for hold in holds for part in _possible(hold, edges, places[hold.contact.control])]
     spells: list[list[Spell]] = []
-    for i in range(u.shape[1]):
+    for i, place in enumerate(places):
         own = [hold for hold in holds if hold.contact.control == i]
-        spells.append(_spells(edges, _place(u[:, i], low[i], high[i]), share[:, i], own))
+        spells.append(_spells(edges, place, share[:, i], own))
     times = {0.0}
     times |= {t for own in spells for t, _ in own} | {t for t, _ in touches}
     times |= {t for hold in holds for t in (hold.start, hold.end)}
@@ -107,6 +109,18 @@ def contacts(
                     at = run[int(np.argmax(side * values[number][run]))]
                     touches.append((float(t[at]), Contact(number, side)))
     return holds, touches
+
+
+def _possible(hold: Hold, edges: Array, place: Array) -> list[Hold]:
+    """Return the parts of a hold in which its control is between its limits; at a limit it can hold nothing."""
+    inside = np.flatnonzero((edges[:-1] >= hold.start - 1e-12) & (edges[1:] <= hold.end + 1e-12))
+    stuck = [c for c in inside if place[c] < EDGE or place[c] > 1.0 - EDGE]
+    parts, begin = [], hold.start
+    for c in stuck:
+        if edges[c] > begin:
+            parts.append(Hold(hold.contact, begin, float(edges[c])))
+        begin = float(edges[c + 1])
+    return [*parts, Hold(hold.contact, begin, hold.end)] if hold.end > begin else parts
 
 
 def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float) -> int:

@@ -1,8 +1,8 @@
 """Direct collocation: a problem on a grid becomes a sparse programme with its derivatives.
 
-Everything nonlinear happens at single points: one function of (x, u) at a collocation point, and one of both ends.
-Each is differentiated once (SX, cse) and mapped; the rest is constant, sparse and linear, and scatters the small
-derivatives into the large ones. So the symbolic work does not depend on the grid.
+One function stands for an element (defects, path constraints, running cost), one for both ends of the motion. Each is
+differentiated once (SX, cse), mapped and scattered into the large sparse matrices: the symbolic work does not depend
+on the grid.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.assembly import Entry, Local, assemble
+from ocp.assembly import Local, assemble
 from ocp.collocation import Control, Scheme
 from ocp.constraint import Where, simple
 from ocp.division import Condition, Division, Near
@@ -21,13 +21,8 @@ from ocp.layout import Layout, lay_out
 from ocp.problem import Fixed, Problem
 from ocp.programme import Programme
 from ocp.scaling import Scaling
-from ocp.sparse import Triplets
-from ocp.system import System
 
 Array = np.ndarray
-
-
-Block = tuple[Local, list[ca.MX]]  # a local function and its inputs, one column for each copy
 
 
 def transcribe(
@@ -43,192 +38,199 @@ def transcribe(
         division: into arcs with durations of their own (the horizon must be Free); None for one arc.
     """
     system, n = problem.system, len(grid)
+    nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
     division = Division(np.zeros(n, dtype=int)) if division is None else division
-    nx, nu = system.x.numel(), system.u.numel()
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
-    rows_d = np.arange(n * len(scheme.rate) * nx).reshape(n, len(scheme.rate), nx)
-    counts = np.cumsum([rows_d.size, *(n * len(places) for places in tau)])
-    rows_p = tuple(first + np.arange(n * len(t)).reshape(n, len(t)) for first, t in zip(counts, tau, strict=False))
-    rows_e = counts[-1] + np.arange(len(ends_parts))
-    last = int(counts[-1]) + len(ends_parts)
-    rows_c = []
-    for condition in division.conditions:
-        shape = condition.expression.numel(), len(condition.elements) * len(condition.tau)
-        rows_c.append(last + np.arange(shape[0] * shape[1]).reshape(shape))
-        last += shape[0] * shape[1]
-    rows_t = np.full(0 if division.total is None else len(layout.horizon), last)
-    last += int(division.total is not None)
-
-    s = ca.MX.sym("s", system.p.numel() + fixed + n)
-    p, duration, widths = s[: system.p.numel()], s[system.p.numel() : system.p.numel() + fixed], s[-n:]
-    inputs = _Inputs(p, duration, widths.T)
     symbols = _symbols(problem, layout, free, scaling)
-    places = _Places(scheme, layout, division.arc)
-    path = symbols.physical(ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in path_parts)))
-    blocks = [
-        _at_points(problem, places, symbols, inputs, path, (rows_d, rows_p), tau),
-        *_at_edges(places, symbols, inputs, path, rows_p, tau),
-        _at_ends(problem, places, symbols, inputs, ends_parts, rows_e),
-        *(_at_chosen(places, symbols, inputs, c, r) for c, r in zip(division.conditions, rows_c, strict=True)),
-        *(_near(places, symbols, inputs, near) for near in division.near),
-    ]
-    price = problem.minimise.time
-    time = layout.horizon, price * scaling.horizon, ca.sum1(duration) * price if fixed else ca.MX(0)
-    i, j, value = _linear(scheme, layout, rows_d)
-    linear = (
-        np.append(i, rows_t), np.append(j, layout.horizon[: len(rows_t)]),
-        np.append(value, np.full(len(rows_t), scaling.horizon)),
-    )  # fmt: skip
-    z = ca.MX.sym("z", layout.size)
-    nlp, derivatives = assemble(layout.size, linear, last, time, blocks, z, s)
+    element = _element(problem, scheme, layout, symbols, path_parts, tau, division.arc)
+    ends = _ends(problem, scheme, layout, symbols, ends_parts)
+
+    s = ca.MX.sym("s", np_ + fixed + n)
+    p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
+    blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
+    for condition in division.conditions:
+        local = _chosen(problem, scheme, layout, symbols, condition, division.arc)
+        blocks.append((local, [ca.repmat(p, 1, local.copies)]))
+    for near in division.near:
+        reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
+        blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
+    if division.total is not None:
+        blocks.append((_total(layout, scaling), []))
+    nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
+    rows = np.arange(n * element.rows).reshape(n, -1)
+    defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
+    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
+    chosen = tuple(
+        first + np.arange(c.rows).reshape(len(c.elements), len(c.tau), -1)
+        for first, c in zip(counts[1:], division.conditions, strict=False)
+    )
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
-        rows_d, rows_p, rows_e, path_parts, ends_parts, tuple(rows_c), np.unique(rows_t),
+        defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
+        chosen, counts[-1] + np.arange(int(division.total is not None)),
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Symbols:
-    """Symbols of one place in scaled unknowns, and the way back to physical expressions."""
+    """Symbols that all places share: unknowns of the whole motion, and parameters."""
 
-    system: System
-    scaling: Scaling
-    x: ca.SX  # (nx,) scaled state
-    u: ca.SX  # (nu,) scaled control
     shared: ca.SX  # duration (if it is an unknown) and free parameters, scaled
     p: ca.SX  # (np,) parameters
     given: ca.SX  # fixed duration, or empty
-    width: ca.SX  # of the element
     duration: ca.SX  # [s]
     parameters: ca.SX  # (np,) with the free ones replaced by unknowns
+    scaling: Scaling
 
-    @property
-    def unknowns(self) -> ca.SX:
-        """(nx + nu + shared,) unknowns of a function of one place."""
-        return ca.vertcat(self.x, self.u, self.shared)
-
-    def physical(self, expression: ca.SX, x: ca.SX | None = None, u: ca.SX | None = None) -> ca.SX:
-        """Return an expression of the system in scaled unknowns, at this place or at (x, u)."""
-        system, scaling = self.system, self.scaling
-        inline = ca.Function("e", [system.x, system.u, system.p], [expression])
-        x, u = self.x if x is None else x, self.u if u is None else u
-        return ca.densify(inline(x * scaling.x, u * scaling.u, self.parameters))
+    def physical(self, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return state, control and parameters from the scaled state and control of a place."""
+        return x * self.scaling.x, u * self.scaling.u, self.parameters
 
 
 def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) -> _Symbols:
-    system, fixed = problem.system, int(isinstance(problem.horizon, Fixed))
+    fixed = int(isinstance(problem.horizon, Fixed))
     shared = ca.SX.sym("shared", 1 - fixed + len(free))
-    p, given = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T", fixed)
+    p, given = ca.SX.sym("p", problem.system.p.numel()), ca.SX.sym("T", fixed)
     parameters = ca.SX(p)
     for place, number in enumerate(free):
         parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
-    x, u = ca.SX.sym("x", system.x.numel()), ca.SX.sym("u", system.u.numel())
     duration = given if fixed else shared[0] * scaling.horizon
-    return _Symbols(system, scaling, x, u, shared, p, given, ca.SX.sym("h"), duration, parameters)
+    return _Symbols(shared, p, given, duration, parameters, scaling)
 
 
-@dataclass(frozen=True, eq=False)
-class _Inputs:
-    """Parameters, fixed duration and widths of the elements, as inputs of local functions."""
+def _element(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols,
+    parts: tuple[tuple[int, int], ...], tau: tuple[list[float], ...], arc: Array,
+) -> Local:  # fmt: skip
+    """Return the function of an element: defects point by point, every path constraint at its places, and the cost."""
+    system, (n, m, nx), (c, nu) = problem.system, layout.state.shape, layout.control.shape[1:]
+    path = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k in parts))
+    inside = ca.Function("f", [system.x, system.u, system.p], [system.rate, problem.minimise.running, path])
+    x, u, width = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("h")
+    rate, running, limited = inside(*symbols.physical(x, u))
+    step = width * symbols.duration
 
-    p: ca.MX
-    duration: ca.MX
-    widths: ca.MX  # (1, N)
-
-    def copies(self, places: int) -> list[ca.MX]:
-        """Return them for copies at a number of places of all elements, place by place."""
-        count = self.widths.shape[1] * places
-        return [ca.repmat(self.p, 1, count), ca.repmat(self.duration, 1, count), ca.repmat(self.widths, 1, places)]
-
-
-def _at_points(
-    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
-    rows: tuple[Array, tuple[Array, ...]], tau: tuple[list[float], ...],
-) -> Block:  # fmt: skip
-    """Return the function of the collocation points: rates, running cost and path constraints."""
-    scheme, (n, _, nx) = places.scheme, rows[0].shape
-    step = symbols.width * symbols.duration
-    rate = step * symbols.physical(symbols.system.rate) / symbols.scaling.x
-    running = step * symbols.physical(problem.minimise.running)
-    dynamics = [[(r, -factor) for r, factor in _rows_of_rate(scheme, rows[0][:, :, a])] for a in range(nx)]
-    limits = [_rows_of_path(r, t, scheme.points) for r, t in zip(rows[1], tau, strict=True)]
-    copies = n * scheme.degree
-    cost = np.vstack([np.zeros((nx, copies)), np.repeat(scheme.weights, n), np.zeros((len(limits), copies))])
-    local = Local(
-        ca.vertcat(rate, running, path), symbols.unknowns, (symbols.p, symbols.given, symbols.width), copies,
-        places.columns(list(scheme.points)), [*dynamics, [], *limits], cost,
+    defects, points = len(scheme.rate) * nx, scheme.points.tolist()
+    rows = defects + np.cumsum([0, *(len(held) for held in tau)])
+    shared = symbols.shared.numel()
+    terms = []
+    for t in sorted({*points}.union(*tau)):
+        outer = np.zeros((rows[-1] + 1, nx + 1 + len(parts)))
+        if t in points:
+            outer[:defects, :nx] = np.kron(-scheme.rate[:, [points.index(t)]], np.eye(nx))
+            outer[-1, nx] = scheme.weights[points.index(t)]
+        for k, held in enumerate(tau):
+            if t in held:
+                outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
+        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
+        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+    linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
+    linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
+    return Local(
+        ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
+        (symbols.p, symbols.given, width), linear, terms, _places(layout, np.arange(n), arc),
     )  # fmt: skip
-    return local, inputs.copies(scheme.degree)
 
 
-def _at_edges(
-    places: _Places, symbols: _Symbols, inputs: _Inputs, path: ca.SX,
-    rows: tuple[Array, ...], tau: tuple[list[float], ...],
-) -> list[Block]:  # fmt: skip
-    """Return the function of path constraints at ends of elements that are no collocation points, if there are any."""
-    edges = [t for t in (0.0, 1.0) if t not in places.scheme.points and any(t in held for held in tau)]
-    if not edges:
-        return []
-    there = [c for c, held in enumerate(tau) if any(t in held for t in edges)]
-    copies = len(places.layout.state) * len(edges)
-    local = Local(
-        path[there], symbols.unknowns, (symbols.p, symbols.given), copies, places.columns(edges),
-        [_rows_of_path(rows[c], tau[c], np.array(edges)) for c in there], np.zeros((len(there), copies)),
-    )  # fmt: skip
-    return [(local, inputs.copies(len(edges))[:2])]
+def _places(layout: Layout, elements: Array, arc: Array) -> Array:
+    """Return the places (nw, e) of states, controls, duration and free parameters of elements."""
+    e = len(elements)
+    durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
+    states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
+    return np.vstack([states, controls, durations, np.tile(layout.free[:, None], e)])
 
 
-def _at_ends(
-    problem: Problem, places: _Places, symbols: _Symbols, inputs: _Inputs,
-    parts: tuple[tuple[int, int, Where], ...], rows: Array,
-) -> Block:  # fmt: skip
-    """Return the function of both ends of the motion: conditions there, and the final cost."""
-    nx, nu = symbols.x.numel(), symbols.u.numel()
+def _ends(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, parts: tuple[tuple[int, int, Where], ...]
+) -> Local:
+    """Return the function of both ends of the motion: conditions there, the final cost and the price of time."""
+    system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
+    conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
+    there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final])
     first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
-    sides = {where: ca.vertsplit(end, [0, nx, nx + nu]) for where, end in ((Where.START, first), (Where.END, last))}
+    (before, _), (after, final) = (there(*symbols.physical(*ca.vertsplit(w, [0, nx, nx + nu]))) for w in (first, last))
+    values = {Where.START: before, Where.END: after, Where.PERIODIC: after - before}
+    rows = [values[where][k] for k, (_, _, where) in enumerate(parts)]
+    cost = final + (0.0 if layout.horizon.size else minimise.time * symbols.duration)
 
-    def condition(i: int, c: int, where: Where) -> ca.SX:
-        if where is Where.PERIODIC:
-            return condition(i, c, Where.END) - condition(i, c, Where.START)
-        return symbols.physical(problem.subject_to[i].expression[c], *sides[where])
-
-    final = symbols.physical(problem.minimise.final, *sides[Where.END])
-    at_first = [[(q[:1], f[:1]) for q, f in column] for column in places.columns([0.0])[: nx + nu]]
-    at_last = [[(q[-1:], f[-1:]) for q, f in column] for column in places.columns([1.0])]
-    local = Local(
-        ca.vertcat(*(condition(i, c, where) for i, c, where in parts), final),
-        ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), 1, [*at_first, *at_last],
-        [*([(rows[b : b + 1], np.ones(1))] for b in range(len(parts))), []],
-        np.append(np.zeros(len(parts)), 1.0)[:, None],
+    at = [layout.state[0, 0], layout.control[0].ravel(), layout.state[-1, -1], layout.control[-1].ravel()]
+    # The first element may be the last one as well.
+    places = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
+    number = np.searchsorted(places, np.concatenate([*at, layout.horizon[:1], layout.free]))
+    shared = symbols.shared.numel()
+    inner = _diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
+    linear = np.zeros((len(rows) + 1, len(places)))
+    linear[-1, np.isin(places, layout.horizon)] = minimise.time * symbols.scaling.horizon
+    return Local(
+        ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), linear,
+        [(np.eye(len(rows) + 1), inner @ np.eye(len(places))[number])], places[:, None],
     )  # fmt: skip
-    return local, [inputs.p, inputs.duration]
 
 
-def _at_chosen(places: _Places, symbols: _Symbols, inputs: _Inputs, condition: Condition, rows: Array) -> Block:
-    """Return the function of a condition that holds at places of chosen elements."""
-    columns, count = places.chosen(condition.tau, condition.elements)
-    outputs = (symbols.physical(condition.expression) - condition.value) / condition.size
-    local = Local(
-        outputs, symbols.unknowns, (symbols.p, symbols.given), count, columns,
-        [[(row, np.ones(1))] for row in rows], np.zeros((outputs.numel(), count)),
-    )  # fmt: skip
-    return local, [ca.repmat(inputs.p, 1, count), ca.repmat(inputs.duration, 1, count)]
+def _chosen(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, condition: Condition, arc: Array
+) -> Local:
+    """Return the function of a condition at places of chosen elements."""
+    system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
+    inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
+    x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
+    values = ca.densify(inside(*symbols.physical(x, u)) - condition.value) / condition.size
+    count, shared = values.numel(), symbols.shared.numel()
+    terms = []
+    for j, t in enumerate(condition.tau):
+        outer = np.zeros((count * len(condition.tau) + 1, count))
+        outer[j * count : (j + 1) * count] = np.eye(count)
+        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
+        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+    linear = np.zeros((count * len(condition.tau) + 1, m * nx + c * nu + shared))
+    return Local(
+        values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _places(layout, condition.elements, arc)
+    )
 
 
-def _near(places: _Places, symbols: _Symbols, inputs: _Inputs, near: Near) -> Block:
-    """Return the function of a price for leaving a reference."""
-    columns, count = places.chosen(near.tau, near.elements)
-    reference = ca.SX.sym("reference", len(near.controls))
-    u = (symbols.u * symbols.scaling.u)[near.controls.tolist()]
-    price = near.weight / 2.0 * symbols.width * symbols.duration * ca.sumsqr((u - reference) / near.size)
-    weights = np.repeat(near.shares, len(near.elements))[None, :]
-    local = Local(price, symbols.unknowns, (symbols.width, reference), count, columns, [[]], weights)
-    widths = inputs.widths[near.elements.tolist()]
-    return local, [ca.repmat(widths, 1, len(near.tau)), ca.MX(ca.DM(near.reference.T.tolist()))]
+def _near(layout: Layout, symbols: _Symbols, near: Near, arc: Array) -> Local:
+    """Return the function of a price for leaving a reference on an element."""
+    (m, nx), (c, nu) = layout.state.shape[1:], layout.control.shape[1:]
+    width, reference = ca.SX.sym("h"), ca.SX.sym("reference", c * len(near.controls))
+    u, shared = ca.SX.sym("u", c * nu), symbols.shared
+    price = ca.SX(0)
+    for j in range(c):
+        own = ca.vertcat(*(u[j * nu + int(i)] * symbols.scaling.u[int(i)] for i in near.controls))
+        aim = reference[j * len(near.controls) : (j + 1) * len(near.controls)]
+        price += near.shares[j] * ca.sumsqr((own - aim) / near.size)
+    value = near.weight / 2.0 * width * symbols.duration * price
+    rest = c * nu + shared.numel()
+    inner = np.hstack([np.zeros((rest, m * nx)), np.eye(rest)])
+    places = _places(layout, near.elements, arc)
+    return Local(
+        value, ca.vertcat(u, shared), (width, reference), np.zeros((1, len(places))), [(np.ones((1, 1)), inner)], places
+    )
+
+
+def _total(layout: Layout, scaling: Scaling) -> Local:
+    """Return the function of the sum of all durations."""
+    none = ca.SX.sym("none")
+    linear = np.zeros((2, len(layout.horizon)))
+    linear[0] = scaling.horizon
+    return Local(ca.SX(1, 1), none, (), linear, [], layout.horizon[:, None])
+
+
+def _control(scheme: Scheme, tau: float, nu: int) -> Array:
+    """Return the matrix that takes the control unknowns of an element to the control at tau."""
+    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
+
+
+def _diagonal(*blocks: Array) -> Array:
+    """Return the matrix with the given blocks on its diagonal."""
+    rows, columns = (np.cumsum([0, *(block.shape[i] for block in blocks)]) for i in (0, 1))
+    whole = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows, columns, strict=False):
+        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return whole
 
 
 def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
@@ -242,64 +244,6 @@ def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
     if jumps:
         return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
     return sorted({*points, 1.0} - {0.0})
-
-
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """What the unknowns of a local function are made of at given places of all elements."""
-
-    scheme: Scheme
-    layout: Layout
-    arc: Array  # (N,) number of the arc of each element
-
-    def columns(self, tau: list[float]) -> list[list[Entry]]:
-        """Return the columns of [x; u; shared] for copies at tau_1 on all elements, then tau_2, and so on."""
-        layout, scheme = self.layout, self.scheme
-        nx, nu, n = layout.state.shape[2], layout.control.shape[2], len(layout.state)
-        nodes = [int(np.argmin(np.abs(scheme.nodes - t))) for t in tau]
-        shape = scheme.control_at(np.array(tau))
-        states = [[(layout.state[:, nodes, i].T.ravel(), np.ones(1))] for i in range(nx)]
-        controls = [
-            [(np.tile(layout.control[:, m, i], len(tau)), np.repeat(shape[:, m], n)) for m in range(shape.shape[1])]
-            for i in range(nu)
-        ]
-        durations = [[(np.tile(layout.horizon[self.arc], len(tau)), np.ones(1))]] if len(layout.horizon) else []
-        shared = [[(np.full(n * len(tau), q), np.ones(1))] for q in layout.free]
-        return [*states, *controls, *durations, *shared]
-
-    def chosen(self, tau: tuple[float, ...], elements: Array) -> tuple[list[list[Entry]], int]:
-        """Return the columns for copies at tau_1 on chosen elements, then tau_2, and so on, and their number."""
-        n = len(self.layout.state)
-        kept = (np.arange(len(tau))[:, None] * n + elements).ravel()
-        every = n * len(tau)
-        columns = [
-            [(np.broadcast_to(q, every)[kept], np.broadcast_to(f, every)[kept]) for q, f in column]
-            for column in self.columns(list(tau))
-        ]
-        return columns, len(kept)
-
-
-def _rows_of_rate(scheme: Scheme, rows: Array) -> list[Entry]:
-    """Return the defect rows (N, r) of one state that its rate adds to, for copies point by point."""
-    d = scheme.degree
-    return [(np.tile(rows[:, i], d), np.repeat(scheme.rate[i], len(rows))) for i in range(rows.shape[1])]
-
-
-def _rows_of_path(rows: Array, tau: list[float], places: Array) -> list[Entry]:
-    """Return the rows (N, m) of a path constraint that holds at tau, for copies at given places."""
-    number = [tau.index(t) if t in tau else -1 for t in places.tolist()]
-    held = np.repeat([float(k >= 0) for k in number], len(rows))
-    return [(np.concatenate([rows[:, max(k, 0)] for k in number]), held)]
-
-
-def _linear(scheme: Scheme, layout: Layout, defects: Array) -> tuple[Array, Array, Array]:
-    """Return rows, columns and values of the part of the defects that is linear in the states."""
-    parts = [
-        (defects[:, i, :], layout.state[:, m, :], float(scheme.state[i, m]), defects[:, i, :])
-        for i, m in np.argwhere(scheme.state != 0.0)
-    ]
-    t = Triplets.gather(parts)
-    return t.rows, t.columns, t.coefficients
 
 
 def free_parameters(problem: Problem) -> Array:
