@@ -88,7 +88,8 @@ class Answer:
     """What IPOPT returned."""
 
     z: Array  # (nz,)
-    multipliers: Array  # (ng,)
+    multipliers: Array  # (ng,) of the rows
+    limits: Array  # (nz,) multipliers of the bounds of the unknowns, > 0 at upper ones
     cost: float
     status: Status
     verbatim: str
@@ -132,12 +133,13 @@ def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, 
             found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
         solver.watch.clear()
         stats = solver.function.stats()
-        z, multipliers = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
+        z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         cost, verbatim = float(found["f"]), str(stats["return_status"])
         iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
-        stats, z, multipliers, cost, iterations = {}, z0, np.zeros(len(rows_low)), np.nan, 0
+        stats, z, cost, iterations = {}, z0, np.nan, 0
+        multipliers, limits = np.zeros(len(rows_low)), np.zeros(len(z0))
         verbatim = "User_Requested_Stop" if stopped else f"error: {str(error).splitlines()[-1]}"
     if verbatim == "Invalid_Option":
         raise ValueError("Ipopt: an option in extra has a value that IPOPT does not take; its log names it")
@@ -145,7 +147,7 @@ def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, 
     derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
     log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
     status = STATUS.get(verbatim, Status.FAILED)
-    return Answer(z, multipliers, cost, status, verbatim, iterations, derivatives, seconds, log)
+    return Answer(z, multipliers, limits, cost, status, verbatim, iterations, derivatives, seconds, log)
 
 
 class Watch(ca.Callback):  # type: ignore[misc]

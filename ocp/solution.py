@@ -41,6 +41,19 @@ class Timings:
 
 
 @dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Multipliers of the limits, d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+
+    Those of shared unknowns (ends of elements) stand on both sides.
+    """
+
+    x: Array  # (N, m, nx) of the state unknowns [cost / unit of the state]
+    u: Array  # (N, c, nu) of the control unknowns [cost / unit of the control]
+    path: Array  # (N, l) of the limited expressions that are no unknowns, on every element, one after the other
+    ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A motion and how it was found; x(t), u(t) and costate(t) are the interpolants of the scheme.
 
@@ -66,6 +79,7 @@ class Solution:
     problem: Problem | None  # None if loaded from a file without it
     rung: str = "given guess"  # which first guess led here
     log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
+    multipliers: Multipliers | None = None  # None if loaded from a file of version 1
 
     @property
     def ok(self) -> bool:

@@ -122,7 +122,8 @@ class Prepared:
         wrong = refused or [*not_finite(self.problem, guesses, values)]
         if wrong:
             status = Status.INFEASIBLE if refused else Status.FAILED
-            answer = Answer(z0, np.zeros(len(rows[0])), np.nan, status, "not started", 0, 0.0, 0.0, {})
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
         parameters: list[Array] = []
         for programme, numbers in zip(programmes, values, strict=True):
@@ -140,11 +141,12 @@ class Prepared:
         programmes = self.compound.programmes
         spent = max(answer.seconds - answer.derivatives, 0.0)
         timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
-        zs = np.split(answer.z, np.cumsum([p.layout.size for p in programmes])[:-1])
+        sizes = np.cumsum([p.layout.size for p in programmes])[:-1]
+        zs, limits = np.split(answer.z, sizes), np.split(answer.limits, sizes)
         mus = np.split(answer.multipliers, np.cumsum([p.rows for p in programmes]))
         solutions = []
-        for programme, z, mu, numbers in zip(programmes, zs, mus, values, strict=False):
-            motion = unpack(programme, z, mu, numbers)
+        for programme, z, mu, held, numbers in zip(programmes, zs, mus, limits, values, strict=False):
+            motion = unpack(programme, z, mu, held, numbers)
             solutions.append(
                 Solution(
                     answer.status,
@@ -165,6 +167,7 @@ class Prepared:
                     programme.problem,
                     rung,
                     answer.log,
+                    motion.multipliers,
                 )
             )
         if not reasons:
