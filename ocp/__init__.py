@@ -2,6 +2,7 @@
 
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.constraint import Constraint, along, end, periodic, start
+from ocp.error import Errors, estimate
 from ocp.extension import extend, time_derivative
 from ocp.grid import Grid, given, uniform
 from ocp.guess import Guess, smooth, straight_line

@@ -19,6 +19,7 @@ from ocp.system import Label
 Array = np.ndarray
 MORE = 3  # Gauss points of the re-integration beyond the degree of the scheme
 PANELS, PER_PANEL = 8, 3  # of every element, for integrands with kinks
+SAFETY = 2.0  # the estimate is of first order, and asymptotically right for smooth problems
 ROUNDING = 1e-12  # share of the cost below which no error is claimed
 
 
@@ -26,8 +27,8 @@ ROUNDING = 1e-12  # share of the cost below which no error is claimed
 class Errors:
     """Estimated errors of a solution; each is an amount, zero for an exact solution.
 
-    The cost of the solution differs from the optimal one by at most about `cost`. It is the sum of four parts, each
-    the integral of what the motion does wrong, priced by its costates or multipliers.
+    The cost of the solution differs from the optimal one by at most about `cost`. It is the sum of five parts, each
+    the integral of what the motion does wrong, priced by its costates or multipliers, times a factor of safety of 2.
     """
 
     cost: float  # of the optimal cost [unit of the cost]; inf for a solution that did not converge
@@ -37,6 +38,7 @@ class Errors:
     optimality: float  # cost that the controls leave on the table: integral of H(u) - min H
     overshoot: float  # cost gained by controls beyond their limits between the points
     violation: float  # cost gained by states beyond their limits between the nodes
+    convergence: float  # cost that the solver left at limits of states: multipliers times distances
     hamiltonian: float  # standard deviation of H from its constant value, share of the mean size of its terms
     elements: Array  # (N,) parts of the elements in `cost`
     local: Array  # (N, nx) distance of each state at the end of an element if integrated from its start
@@ -66,7 +68,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
         V = sum of multipliers of limits of states times the excess between the nodes,
 
     phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
-    of Newton's method from the interpolant). `cost` is |D| + G + O + V. To first order in the disturbances it bounds
+    of Newton's method from the interpolant). `cost` is 2 (|D| + G + O + V) and what the solver left. To first order in the disturbances it bounds
     the error of a local optimum; it does not see other ones. A free duration that is not the cost itself is taken to
     be as wrong, relatively, as the cost times the order of the scheme.
 
@@ -89,7 +91,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     if not converged or solution.duration <= 0.0 or not np.all(np.isfinite(solution.data)):
         unknown = np.full((count, nx), np.nan)
         return Errors(
-            np.inf, np.inf if isinstance(problem.horizon, Free) else 0.0, np.full(nx, np.inf), *[np.nan] * 5,
+            np.inf, np.inf if isinstance(problem.horizon, Free) else 0.0, np.full(nx, np.inf), *[np.nan] * 6,
             np.full(count, np.nan), unknown, np.full((count + 1, nx), np.nan), labels,
         )  # fmt: skip
     local, transition, running = _reintegrated(solution, problem)
@@ -102,14 +104,16 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     found = minimise(solution, problem, tau)
     gap = (found.value - found.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
     optimality, overshoot = np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
-    violation = _violated(solution, problem)
-    parts = np.abs(dynamics) + optimality + overshoot + violation
-    size = max(abs(solution.cost), float(np.sum(found.size.reshape(count, -1) @ weights * solution.grid.widths)) * solution.duration)
-    cost = abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + ROUNDING * size
+    violation, left = _violated(solution, problem)
+    parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
+    turnover = float(solution.duration * (found.size.reshape(count, -1) @ weights @ solution.grid.widths))
+    size = max(abs(solution.cost), turnover)
+    cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
+    cost += ROUNDING * size
     return Errors(
         cost, _of_duration(cost, solution, problem), np.max(np.abs(drift), axis=0), float(dynamics.sum()),
-        float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), _spread(found, weights, solution, problem),
-        parts, np.abs(local), drift, labels,
+        float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), left,
+        _spread(found, weights, solution, problem), parts, np.abs(local), drift, labels,
     )  # fmt: skip
 
 
@@ -153,21 +157,22 @@ def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, A
     grown = np.einsum("kjab,kjbc->kjac", A, delta)
     grown[..., 0] += missed
     end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
-    exact = np.einsum("j,kj->k", weights, price.reshape(count, m))
-    exact = exact + np.einsum("j,kja,kja->k", weights, price_slope.reshape(1, count, m, nx)[0], delta[..., 0])
+    exact = price.reshape(count, m) @ weights
+    exact = exact + np.einsum("j,kja,kja->k", weights, price_slope.reshape(count, m, nx), delta[..., 0])
     _, x, _, u = solution.samples(scheme.points)
     discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[2]).reshape(count, -1) @ scheme.weights
     return end[..., 0], np.eye(nx) + end[..., 1:], h * (exact - discrete)
 
 
-def _violated(solution: Solution, problem: Problem) -> Array:
-    """Return the excess of states over their limits between the nodes, priced by multipliers, for every element."""
+def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:
+    """Return the excess of states over their limits between the nodes, priced, of every element; and what is left."""
     held = solution.multipliers
     count = len(solution.grid)
     priced = np.zeros(count)
     low, high = problem.limits(Where.ALONG, problem.system.x)
     if held is None or not (np.isfinite(low).any() or np.isfinite(high).any()):
-        return priced
+        return priced, 0.0
+    left = 0.0
     _, x, _, _ = solution.samples(np.linspace(0.0, 1.0, PANELS * PER_PANEL + 1))
     inside = x.reshape(count, -1, len(low))
     for excess, sign in ((inside - high, 1.0), (low - inside, -1.0)):
@@ -175,10 +180,12 @@ def _violated(solution: Solution, problem: Problem) -> Array:
         # Conditions at both ends of the motion are bounds of the same unknowns, and are no limits along it.
         load = np.maximum(sign * held.x, 0.0)
         load[0, 0], load[-1, -1] = 0.0, 0.0
+        away = np.abs(solution.states - (high if sign > 0.0 else low))
+        left += float(np.sum((load * np.where(np.isfinite(away), away, 0.0))[:, 1:]))
         each = load.sum(axis=1)
         near = np.maximum(each, np.maximum(np.roll(each, 1, axis=0), np.roll(each, -1, axis=0)))
         priced += np.sum(most * near, axis=1)
-    return priced
+    return priced, left
 
 
 def _spread(found: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:

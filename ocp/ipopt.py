@@ -29,6 +29,13 @@ STATUS = {
     "Maximum_WallTime_Exceeded": Status.LIMIT,
     "User_Requested_Stop": Status.STOPPED,
 }
+# A start from the multipliers of a neighbouring solution keeps near the limits that it lies on; measured on refined
+# grids: a third to two thirds of the iterations of a cold start.
+NEAR = 1e-6
+CONTINUED = {"mu_init": NEAR, "warm_start_init_point": "yes"} | {
+    f"warm_start_{name}": NEAR
+    for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+}
 QUIET_SECONDS = 2.0  # a shorter solve shows no progress
 
 
@@ -123,14 +130,18 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
         raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
 
 
-def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array]) -> Answer:
-    """Solve; nothing that IPOPT or an evaluation does raises."""
+def run(
+    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
+    multipliers: tuple[Array, Array] | None = None,
+) -> Answer:  # fmt: skip
+    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises."""
     begun = time.perf_counter()
     low, high, rows_low, rows_high = bounds
+    first = {} if multipliers is None else {"lam_x0": multipliers[0], "lam_g0": multipliers[1]}
     try:
         solver.watch.reset(rows_low, rows_high)
         with interruptible(solver.watch):
-            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
+            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
         solver.watch.clear()
         stats = solver.function.stats()
         z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))

@@ -12,10 +12,11 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme, radau
+from ocp.continuation import multipliers
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
-from ocp.ipopt import Answer, Ipopt, Solver, build, run
+from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
@@ -63,6 +64,17 @@ class Prepared:
             return climb(here, DEFAULT if guess is None else tuple(guess), values)
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
 
+    def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> Outcome:
+        """Solve from a solution of the same problem on another grid or with another scheme, multipliers included.
+
+        Args:
+            solution: near the one looked for.
+            values: of parameters, by name; nominal where silent.
+        """
+        duals = multipliers(self.compound.programmes[0], solution)
+        guesses = as_guesses(self.problem, solution)
+        return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
+
     def scales(self) -> str:
         """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
         parts = [table(programme.scaling, programme.problem) for programme in self.compound.programmes]
@@ -101,6 +113,7 @@ class Prepared:
         warm: bool = False,
         rung: str = "given guess",
         spent: float = 0.0,
+        duals: tuple[Array, Array] | None = None,
     ) -> Outcome:
         """Solve once from one guess for each phase.
 
@@ -110,6 +123,7 @@ class Prepared:
             warm: start near the limits that the guess touches.
             rung: what the guess is called in the solution.
             spent: seconds that making the guess took; they count as set-up.
+            duals: multipliers of the bounds and of the rows to start from.
         """
         begun = time.perf_counter() - spent
         programmes = self.compound.programmes
@@ -129,10 +143,13 @@ class Prepared:
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
             parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
-        chosen = build(self.compound.nlp, self.compound.derivatives, self.settings, warm=True) if warm else self.cold
+        settings = self.settings
+        if duals is not None:
+            settings = replace(settings, extra={**CONTINUED, **settings.extra})
+        chosen = build(self.compound.nlp, self.compound.derivatives, settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
-        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]))
+        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]), duals)
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
