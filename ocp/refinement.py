@@ -18,18 +18,22 @@ from ocp.grid import Grid, uniform
 from ocp.ipopt import Ipopt
 from ocp.phases import Start
 from ocp.problem import Problem
-from ocp.solution import Accuracy, Solution
+from ocp.solution import Accuracy, Solution, Status
 from ocp.solver import prepare, solve
 from ocp.tolerance import Cost, Tolerance
 
 Array = np.ndarray
 RUNGS = 30
 SPARE = 0.5  # share of the tolerance that the elements together may use
+CONCENTRATED = 0.01  # share of the largest part below which a part waits
+EVEN = 0.1  # median over largest part from which an error is spread over the grid
 NEGLIGIBLE = 1e-3  # share of its allowance below which two neighbours are merged
 WIDEST = 0.1  # share of the horizon, of a merged element
 NARROWEST = 1e-9  # share of the horizon
 MOST_PIECES = 4
 HIGHEST = 9  # degree
+LATER = 1e-3  # share of the last error that the solver may leave in a rung
+TIGHTEST = 1e-13
 STALLED = 4  # rungs without half the error before
 LONGEST_RUN = 3  # neighbouring elements that one jump of a control may disturb
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
@@ -84,7 +88,7 @@ def solve_to_accuracy(
         scheme: default radau(3); controls constant on each element where the Hamiltonian is linear in them and all
             of them are limited, else collocated.
         grid: the first one, default uniform(20).
-        solver: settings; the default solves a hundred times more accurately than asked for, within 1e-9 .. 1e-12.
+        solver: settings; the tolerance is tightened from rung to rung as the error and the number of limits ask.
         guess: for the first rung, as in `solve`.
         values: of parameters, by name.
         seconds: no rung is begun that would probably end later [s]; the first is always solved.
@@ -102,7 +106,7 @@ def solve_to_accuracy(
         raise ValueError(f"solve_to_accuracy: budget of {seconds} s and {elements} elements, expected numbers > 0")
     return _rungs(
         problem, wanted, _scheme(problem) if scheme is None else scheme, uniform(20) if grid is None else grid,
-        Ipopt(tol=float(np.clip(wanted.tol / 100.0, 1e-12, 1e-9))) if solver is None else solver, guess, values,
+        Ipopt() if solver is None else solver, guess, values,
         _Budget(seconds, elements, time.perf_counter()), finish,
     )  # fmt: skip
 
@@ -114,6 +118,7 @@ def _rungs(
 ) -> Iterator[Solution]:  # fmt: skip
     history: list[float] = []
     found: Solution = solve(problem, scheme, grid, solver, guess, values)
+    usable = (Status.SOLVED, Status.ACCEPTABLE)
     while True:
         errors = estimate(found)
         history.append(wanted.error(found, errors))
@@ -121,7 +126,7 @@ def _rungs(
         if rung.accuracy is not None and rung.accuracy.met:
             yield _ended(rung, "the tolerance is met")
             return
-        if finish is not None and found.ok:
+        if finish is not None and found.status in usable:
             finished = finish(found)
             last = _told(finished, wanted, estimate(finished), budget) if finished.ok else rung
             if last.accuracy is not None and last.accuracy.error < history[-1]:
@@ -130,8 +135,9 @@ def _rungs(
                     yield _ended(last, "the tolerance is met")
                     return
                 rung = last
-        scheme, grid = (found.scheme, found.grid) if not found.ok else refine(found, wanted, errors)
-        reason = found.status.value if not found.ok else budget.refuses(grid, found.timings.total, len(found.grid))
+        stuck = found.status not in usable
+        scheme, grid = (found.scheme, found.grid) if stuck else refine(found, wanted, errors)
+        reason = found.status.value if stuck else budget.refuses(grid, found.timings.total, len(found.grid))
         if len(history) > STALLED and min(history[-STALLED:]) > 0.5 * min(history[:-STALLED]):
             reason = reason or f"the error has not been halved in {STALLED} rungs"
         if len(history) >= RUNGS:
@@ -140,8 +146,17 @@ def _rungs(
         if reason:
             return
         left = max(budget.seconds - budget.spent, 0.1)
-        limited = replace(solver, max_seconds=min(solver.max_seconds, left))
+        limited = replace(
+            _tight(solver, found, max(wanted.tol, LATER * history[-1]) * errors.cost / history[-1]),
+            max_seconds=min(solver.max_seconds, left),
+        )
         found = _next(found, errors, scheme, grid, limited, values)
+
+
+def _tight(solver: Ipopt, last: Solution, error: float) -> Ipopt:
+    """Return settings that leave a tenth of an error: at the end each limit costs about the tolerance."""
+    limits = 2 * (last.states.size + last.controls.size)
+    return replace(solver, tol=float(np.clip(error / limits, TIGHTEST, solver.tol)))
 
 
 def _told(solution: Solution, wanted: Tolerance, errors: Errors, budget: _Budget) -> Solution:
@@ -165,7 +180,7 @@ def _next(
     prepared = prepare(problem, scheme, grid, solver, last, values)
     found: Solution = prepared.proceed(last, values)
     worst = last.cost + errors.cost
-    if found.ok and found.cost <= worst + estimate(found).cost:
+    if found.status is not Status.FAILED and found.cost <= worst + estimate(found).cost:
         return found
     cold: Solution = prepared(None, values)
     best = min((one for one in (found, cold) if one.ok), key=lambda one: one.cost, default=cold)
@@ -186,12 +201,12 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
     """
     parts, ends, count = wanted.parts(solution, errors), solution.grid.ends, len(solution.grid)
     allowed = SPARE * wanted.tol / count
-    marked = parts > allowed
+    marked = parts > max(allowed, CONCENTRATED * float(np.max(parts)))
     if not marked.any():
-        marked = parts >= np.quantile(parts, 0.75)
+        marked = parts >= np.max(parts)
     scheme = solution.scheme
     jumps = _jumps(solution, marked)
-    spread = np.count_nonzero(marked) >= 0.5 * count and not jumps
+    spread = np.median(parts) > EVEN * np.max(parts) and not jumps
     if spread and scheme.control is Control.COLLOCATED and scheme.degree < HIGHEST:
         return SCHEMES[scheme.name](min(scheme.degree + 2, HIGHEST), scheme.control), solution.grid
     kept, added = np.ones(count + 1, dtype=bool), []
