@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -51,7 +50,10 @@ class Errors:
             f"  dynamics    {self.dynamics:+.2e}   optimality {self.optimality:.2e}",
             f"  overshoot   {self.overshoot:.2e}   violation  {self.violation:.2e}",
             f"duration    {self.duration:.2e} s",
-            *(f"{label.name:11s} {error:.2e} {label.unit}" for label, error in zip(self.labels, self.states, strict=True)),
+            *(
+                f"{label.name:11s} {error:.2e} {label.unit}"
+                for label, error in zip(self.labels, self.states, strict=True)
+            ),
             f"Hamiltonian {self.hamiltonian:.2e} share of the mean size of its terms",
         ]
         return "\n".join(parts)

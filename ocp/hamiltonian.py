@@ -56,7 +56,9 @@ def minimise(solution: Solution, problem: Problem, tau: Array) -> Minimum:
         return Minimum(value, value, size, u)
     model = _model(problem, limits, len(x))
     if limits:
-        lower, upper = (np.array([getattr(problem.subject_to[i], side)[c] for i, c in limits]) for side in ("lower", "upper"))
+        lower, upper = (
+            np.array([getattr(problem.subject_to[i], side)[c] for i, c in limits]) for side in ("lower", "upper")
+        )
         best = _interior(model, fixed, u, low, high, lower, upper)
     else:
         best = _newton(model, fixed, u, low, high)
@@ -170,7 +172,9 @@ def _interior(
         weight[:, above] += z[:, 2 * nu : 2 * nu + above.sum()]
         weight[:, below] -= z[:, 2 * nu + above.sum() :]
         H = bend.T.reshape(count, nu, nu) / size[:, None, None]
-        H = H + np.einsum("kc,kcij->kij", weight, bends.reshape(nu * nu, count, m).transpose(1, 2, 0).reshape(count, m, nu, nu))
+        H = H + np.einsum(
+            "kc,kcij->kij", weight, bends.reshape(nu * nu, count, m).transpose(1, 2, 0).reshape(count, m, nu, nu)
+        )
         c = limits(g.T, v)
         gap = np.mean(s * z, axis=1)
         target = np.maximum(0.1 * gap, 1e-16)[:, None]

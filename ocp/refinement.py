@@ -161,9 +161,7 @@ def _tight(solver: Ipopt, last: Solution, error: float) -> Ipopt:
 
 def _told(solution: Solution, wanted: Tolerance, errors: Errors, budget: _Budget) -> Solution:
     error = wanted.error(solution, errors)
-    return replace(
-        solution, accuracy=Accuracy(error, wanted.tol, wanted.unit, wanted.what, budget.spent, errors)
-    )
+    return replace(solution, accuracy=Accuracy(error, wanted.tol, wanted.unit, wanted.what, budget.spent, errors))
 
 
 def _ended(rung: Solution, reason: str) -> Solution:
@@ -216,7 +214,7 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
         done[first:last] = True
         a, b = ends[first], ends[last]
         reach = (b - a) * float(np.clip(2.0 * (b - a), 0.02, 0.125))
-        added += [one for place in places for one in (place - reach, place + reach) if a < one < b]
+        added += [one for place in places for one in (place - reach, place + reach) if 0.0 < one < 1.0]
     for k in np.flatnonzero(marked & ~done):
         pieces = int(np.clip(np.ceil((parts[k] / allowed) ** (1.0 / 3.0)), 2, MOST_PIECES))
         added += list(np.linspace(ends[k], ends[k + 1], pieces + 1)[1:-1])

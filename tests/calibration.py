@@ -33,6 +33,10 @@ KNOWN = {
     "container crane": (problems.crane, 5e-9),
     "cart-pole": (problems.cart_pole, 5e-6),
 }
+# Without those whose solves themselves take long.
+QUICK = tuple(
+    name for name in KNOWN if not name.startswith(("straight line in least", "brachisto", "lift, effort, free"))
+)
 SCHEMES = (
     *(radau(d, c) for d in (2, 3, 4) for c in Control),
     *(legendre(3, c) for c in (Control.CONSTANT, Control.COLLOCATED)),
