@@ -29,6 +29,13 @@ STATUS = {
     "Maximum_WallTime_Exceeded": Status.LIMIT,
     "User_Requested_Stop": Status.STOPPED,
 }
+# A start from the multipliers of a neighbouring solution keeps near the limits that it lies on; measured on refined
+# grids: a third to two thirds of the iterations of a cold start.
+NEAR = 1e-6
+CONTINUED = {"mu_init": NEAR, "warm_start_init_point": "yes"} | {
+    f"warm_start_{name}": NEAR
+    for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
+}
 QUIET_SECONDS = 2.0  # a shorter solve shows no progress
 
 
@@ -88,7 +95,8 @@ class Answer:
     """What IPOPT returned."""
 
     z: Array  # (nz,)
-    multipliers: Array  # (ng,)
+    multipliers: Array  # (ng,) of the rows
+    limits: Array  # (nz,) multipliers of the bounds of the unknowns, > 0 at upper ones
     cost: float
     status: Status
     verbatim: str
@@ -122,22 +130,27 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
         raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
 
 
-def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array]) -> Answer:
-    """Solve; nothing that IPOPT or an evaluation does raises."""
+def run(
+    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
+    multipliers: tuple[Array, Array] | None = None,
+) -> Answer:  # fmt: skip
+    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises."""
     begun = time.perf_counter()
     low, high, rows_low, rows_high = bounds
+    first = {} if multipliers is None else {"lam_x0": multipliers[0], "lam_g0": multipliers[1]}
     try:
         solver.watch.reset(rows_low, rows_high)
         with interruptible(solver.watch):
-            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high)
+            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
         solver.watch.clear()
         stats = solver.function.stats()
-        z, multipliers = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
+        z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         cost, verbatim = float(found["f"]), str(stats["return_status"])
         iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
-        stats, z, multipliers, cost, iterations = {}, z0, np.zeros(len(rows_low)), np.nan, 0
+        stats, z, cost, iterations = {}, z0, np.nan, 0
+        multipliers, limits = np.zeros(len(rows_low)), np.zeros(len(z0))
         verbatim = "User_Requested_Stop" if stopped else f"error: {str(error).splitlines()[-1]}"
     if verbatim == "Invalid_Option":
         raise ValueError("Ipopt: an option in extra has a value that IPOPT does not take; its log names it")
@@ -145,7 +158,7 @@ def run(solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, 
     derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
     log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
     status = STATUS.get(verbatim, Status.FAILED)
-    return Answer(z, multipliers, cost, status, verbatim, iterations, derivatives, seconds, log)
+    return Answer(z, multipliers, limits, cost, status, verbatim, iterations, derivatives, seconds, log)
 
 
 class Watch(ca.Callback):  # type: ignore[misc]

@@ -15,6 +15,7 @@ from ocp.guess import Guess
 from ocp.layout import Layout
 from ocp.problem import Fixed, Free, Problem
 from ocp.scaling import Scaling
+from ocp.solution import Multipliers
 
 Array = np.ndarray
 
@@ -101,12 +102,13 @@ class Motion:
     controls: Array  # (N, c, nu)
     slopes: Array  # (N, e, nx)
     costates: Array  # (N, d, nx)
+    multipliers: Multipliers
     free: Mapping[str, float]
     values: Mapping[str, float]
 
 
-def unpack(programme: Programme, z: Array, multipliers: Array, values: list[float]) -> Motion:
-    """Return the motion that scaled unknowns (nz,) and multipliers of the rows (ng,) stand for."""
+def unpack(programme: Programme, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
+    """Return the motion that scaled unknowns (nz,), multipliers of the rows (ng,) and of bounds (nz,) stand for."""
     layout, scaling, problem, scheme = programme.layout, programme.scaling, programme.problem, programme.scheme
     system = problem.system
     if isinstance(problem.horizon, Fixed):
@@ -126,6 +128,10 @@ def unpack(programme: Programme, z: Array, multipliers: Array, values: list[floa
         widths = duration * programme.grid.widths
         slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
     # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
-    mu = multipliers[programme.defects] if len(multipliers) else np.zeros(programme.defects.shape)
+    mu = multipliers[programme.defects]
     costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
-    return Motion(duration, states, controls, slopes, costates, free, everything)
+    path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *programme.path)])
+    held = Multipliers(
+        limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[programme.ends]
+    )
+    return Motion(duration, states, controls, slopes, costates, held, free, everything)

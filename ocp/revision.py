@@ -50,6 +50,20 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
     return merged(tuple(changed))
 
 
+def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which the limit held for the shortest time is not held, its control left as in the arc before."""
+    held = [k for k, arc in enumerate(arcs) if arc.held and k > 0]
+    if not held:
+        return arcs
+    k = min(held, key=lambda k: arcs[k].duration)
+    free = {contact.control for contact in arcs[k].held}
+    before = arcs[k - 1].kinds
+    kinds = tuple(before[i] if i in free else kind for i, kind in enumerate(arcs[k].kinds))
+    if Kind.HOLDING in kinds:
+        return arcs
+    return merged((*arcs[:k], replace(arcs[k], kinds=kinds, held=()), *arcs[k + 1 :]))
+
+
 def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
     """Return arcs that touch a limit where it is exceeded most."""
     if limits[crossing.contact.limit].order == 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -13,6 +14,9 @@ from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.structure import Structure
+
+if TYPE_CHECKING:
+    from ocp.error import Errors
 
 Array = np.ndarray
 # Times outside the motion by less than this share of the duration are rounding.
@@ -42,6 +46,41 @@ class Timings:
 
 
 @dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Multipliers of the limits, d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+
+    Those of shared unknowns (ends of elements) stand on both sides.
+    """
+
+    x: Array  # (N, m, nx) of the state unknowns [cost / unit of the state]
+    u: Array  # (N, c, nu) of the control unknowns [cost / unit of the control]
+    path: Array  # (N, l) of the limited expressions that are no unknowns, on every element, one after the other
+    ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """How good a rung of a refinement is, what it has cost so far, and why the refinement ended there if it did."""
+
+    error: float  # estimated, in `unit`
+    tol: float  # asked for
+    unit: str
+    what: str  # is wrong by `error`
+    seconds: float  # since the refinement began [s]
+    errors: Errors
+    reason: str = ""  # why this is the last rung; empty if it is not
+
+    @property
+    def met(self) -> bool:
+        """Whether the estimated error is within the tolerance."""
+        return self.error <= self.tol
+
+    def __str__(self) -> str:
+        ending = f": {self.reason}" if self.reason else ""
+        return f"{self.what} to {self.error:.1e} {self.unit}, asked {self.tol:g}, after {self.seconds:.2f} s{ending}"
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A motion and how it was found; x(t), u(t) and costate(t) are the interpolants of the scheme.
 
@@ -68,6 +107,8 @@ class Solution:
     rung: str = "given guess"  # which first guess led here
     log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
     structure: Structure | None = None  # switching structure of a polished solution
+    multipliers: Multipliers | None = None  # None if loaded from a file of version 1
+    accuracy: Accuracy | None = None  # of a rung of solve_to_accuracy; not saved, `estimate` gives its errors again
 
     @property
     def ok(self) -> bool:

@@ -12,10 +12,11 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme, radau
+from ocp.continuation import multipliers
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
-from ocp.ipopt import Answer, Ipopt, Solver, build, run
+from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
@@ -63,6 +64,17 @@ class Prepared:
             return climb(here, DEFAULT if guess is None else tuple(guess), values)
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
 
+    def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> Outcome:
+        """Solve from a solution of the same problem on another grid or with another scheme, multipliers included.
+
+        Args:
+            solution: near the one looked for.
+            values: of parameters, by name; nominal where silent.
+        """
+        duals = multipliers(self.compound.programmes[0], solution)
+        guesses = as_guesses(self.problem, solution)
+        return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
+
     def scales(self) -> str:
         """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
         parts = [table(programme.scaling, programme.problem) for programme in self.compound.programmes]
@@ -101,6 +113,7 @@ class Prepared:
         warm: bool = False,
         rung: str = "given guess",
         spent: float = 0.0,
+        duals: tuple[Array, Array] | None = None,
     ) -> Outcome:
         """Solve once from one guess for each phase.
 
@@ -110,6 +123,7 @@ class Prepared:
             warm: start near the limits that the guess touches.
             rung: what the guess is called in the solution.
             spent: seconds that making the guess took; they count as set-up.
+            duals: multipliers of the bounds and of the rows to start from.
         """
         begun = time.perf_counter() - spent
         programmes = self.compound.programmes
@@ -122,16 +136,20 @@ class Prepared:
         wrong = refused or [*not_finite(self.problem, guesses, values)]
         if wrong:
             status = Status.INFEASIBLE if refused else Status.FAILED
-            answer = Answer(z0, np.zeros(len(rows[0])), np.nan, status, "not started", 0, 0.0, 0.0, {})
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
         parameters: list[Array] = []
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
             parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
-        chosen = build(self.compound.nlp, self.compound.derivatives, self.settings, warm=True) if warm else self.cold
+        settings = self.settings
+        if duals is not None:
+            settings = replace(settings, extra={**CONTINUED, **settings.extra})
+        chosen = build(self.compound.nlp, self.compound.derivatives, settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
-        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]))
+        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]), duals)
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
@@ -140,11 +158,12 @@ class Prepared:
         programmes = self.compound.programmes
         spent = max(answer.seconds - answer.derivatives, 0.0)
         timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
-        zs = np.split(answer.z, np.cumsum([p.layout.size for p in programmes])[:-1])
+        sizes = np.cumsum([p.layout.size for p in programmes])[:-1]
+        zs, limits = np.split(answer.z, sizes), np.split(answer.limits, sizes)
         mus = np.split(answer.multipliers, np.cumsum([p.rows for p in programmes]))
         solutions = []
-        for programme, z, mu, numbers in zip(programmes, zs, mus, values, strict=False):
-            motion = unpack(programme, z, mu, numbers)
+        for programme, z, mu, held, numbers in zip(programmes, zs, mus, limits, values, strict=False):
+            motion = unpack(programme, z, mu, held, numbers)
             solutions.append(
                 Solution(
                     answer.status,
@@ -165,6 +184,7 @@ class Prepared:
                     programme.problem,
                     rung,
                     answer.log,
+                    motion.multipliers,
                 )
             )
         if not reasons:

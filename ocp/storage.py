@@ -15,19 +15,20 @@ import numpy as np
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.grid import Grid
 from ocp.problem import Problem
-from ocp.solution import Solution, Status, Timings
+from ocp.solution import Multipliers, Solution, Status, Timings
 
 FORMAT = "hamel-solution"
-VERSION = 1
+VERSION = 2  # 1 had no multipliers of limits
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
+LIMITS = ("x", "u", "path", "ends")  # of the multipliers, as limits_x ...; absent where a solution has none
 
 
 def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution to one NPZ file; an existing file is replaced only when the new one is complete.
 
     Arrays `states` (N, m, nx), `controls` (N, c, nu), `slopes` (N, e, nx), `costates` (N, d, nx), `ends` (N + 1,),
-    and `about`, a JSON text with everything else. No pickle: any NPZ reader opens it.
+    `limits_x`, `limits_u`, `limits_path`, `limits_ends` as in `Multipliers`, and `about`, a JSON text with everything else. No pickle: any NPZ reader opens it.
 
     Args:
         solution: of any status.
@@ -62,7 +63,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "u": [str(label) for label in system.label("u", nu)] if system else [],
         "log": {name: list(column) for name, column in solution.log.items()},
     }
-    target = Path(path)
+    held, target = solution.multipliers, Path(path)
     # Created by hand, so that the file gets the rights that the user's own files get.
     part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
     try:
@@ -74,6 +75,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
                 slopes=solution.slopes,
                 costates=solution.costates,
                 ends=solution.grid.ends,
+                **({f"limits_{name}": getattr(held, name) for name in LIMITS} if held else {}),
                 about=np.array(json.dumps(_without_nan(about), allow_nan=False)),
             )
         part.replace(target)
@@ -100,6 +102,8 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         with np.load(content, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
+            known = [name for name in LIMITS if f"limits_{name}" in file]
+            held = {name: np.array(file[f"limits_{name}"], dtype=float) for name in known}
     except Exception as error:  # zipfile, zlib, tokenize, numpy and json each raise their own for damaged bytes
         raise ValueError(f"{path}: no readable solution file ({error})") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
@@ -115,9 +119,19 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
             _number(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
             _numbers(about["free"]), _numbers(about["values"]), Timings(**about["timings"]), int(about["iterations"]),
             grid, scheme, problem, str(about["rung"]), dict(about["log"]),
+            _multipliers(held, arrays),
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: the solution file is incomplete or damaged ({error})") from None
+
+
+def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> Multipliers | None:
+    if not held:
+        return None
+    wrong = [name for name, like in (("x", "states"), ("u", "controls")) if held[name].shape != arrays[like].shape]
+    if wrong or len(held["path"]) != len(arrays["states"]):
+        raise ValueError("multipliers of limits do not fit the motion")
+    return Multipliers(**held)
 
 
 def _without_nan(value: object) -> object:

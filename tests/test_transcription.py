@@ -198,7 +198,7 @@ def test_pack_and_unpack(case, control):
     programme = programme_of(coupled(Free(1.5), free_parameter=True), *case, control)
     ends = np.array([0.0, 1.0])
     z = pack(programme, Guess(ends, *line(ends), 1.7, np.array([0.8])), VALUES)
-    motion = unpack(programme, z, np.zeros(programme.rows), VALUES)
+    motion = unpack(programme, z, np.zeros(programme.rows), np.zeros(len(z)), VALUES)
     assert motion.duration == 1.7
     assert motion.free == {"b": 0.8}
     assert motion.values == {"a": 0.7, "b": 0.8}
@@ -300,7 +300,8 @@ def test_solution_as_guess_keeps_the_motion(make, control):
     solution = solve(problem, make(3, control), uniform(10))
     assert np.ptp(solution.states) > 1.0
     programme = transcribe(problem, make(3, control), uniform(10), unscaled(problem, 0))
-    again = unpack(programme, pack(programme, from_solution(solution), []), np.zeros(programme.rows), [])
+    z = pack(programme, from_solution(solution), [])
+    again = unpack(programme, z, np.zeros(programme.rows), np.zeros(len(z)), [])
     np.testing.assert_allclose(again.states, solution.states, rtol=0, atol=1e-6)
     # Where two elements meet, a polynomial control has two values, of which a guess can hold the middle only.
     nodes = solution.scheme.control_nodes
