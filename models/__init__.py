@@ -5,6 +5,8 @@ from models.manipulator import Manipulator
 from models.parameters import Parameter
 from models.sphere import spherical
 from models.toroid import torus
-from models.torques import inverse_dynamics, recover
+from models.torques import drive_dynamics, inverse_dynamics, recover
 
-__all__ = ["Manipulator", "Parameter", "cylindrical", "inverse_dynamics", "recover", "spherical", "torus"]
+__all__ = [
+    "Manipulator", "Parameter", "cylindrical", "drive_dynamics", "inverse_dynamics", "recover", "spherical", "torus",
+]  # fmt: skip

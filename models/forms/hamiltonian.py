@@ -34,4 +34,9 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
     p = symbols("p", basis.q.numel())
     w = factorise(basis.metric).solve(p)
     v = basis.inverse @ w
-    return as_system(mechanics, basis, p, w, v, momentum_rate(mechanics, basis, w, p, Partials.of(basis)))
+    rate = momentum_rate(mechanics, basis, w, p, Partials.of(basis))
+
+    def again(others: Sequence[Effect]) -> System:
+        return canonical(machine, others, frame)
+
+    return as_system(mechanics, basis, p, w, v, rate, again)

@@ -39,4 +39,9 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
     moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
     w_rate = factorise(basis.metric).solve(moved)
     turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
-    return as_system(mechanics, basis, v, w, v, basis.inverse @ (w_rate - turning))
+    rate = basis.inverse @ (w_rate - turning)
+
+    def again(others: Sequence[Effect]) -> System:
+        return lagrange(machine, others, frame)
+
+    return as_system(mechanics, basis, v, w, v, rate, again)

@@ -35,4 +35,9 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
     v = basis.inverse @ w
     partials = Partials.of(basis)
     moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
-    return as_system(mechanics, basis, w, w, v, factorise(basis.metric).solve(moved))
+    rate = factorise(basis.metric).solve(moved)
+
+    def again(others: Sequence[Effect]) -> System:
+        return hamel(machine, others, frame)
+
+    return as_system(mechanics, basis, w, w, v, rate, again)
