@@ -161,8 +161,8 @@ class WindingHeat:
             signals["winding"] = Quantity(temperatures, "K", tuple(states))
             bound = bounded("winding", temperatures, [limit[i] for i in windings], tuple(states), "K", both=False)
             signals, limits = {**signals, **bound.signals}, dict(bound.limits)
-        reader = f"{fields.prefix} (heated by the current of a motor)"
+        read = Read("copper_loss", heat, f"{fields.prefix} (heated by the current of a motor)", "MotorDrive(...)")
         return Terms(
-            states=states, signals=signals, limits=limits, reads=(Read("copper_loss", heat, reader, "MotorDrive(...)"),),
+            states=states, signals=signals, limits=limits, reads=(read,),
             symbols=fields.symbols, nominal=fields.nominal, defines={"heat of the windings": fields.prefix},
         )  # fmt: skip
