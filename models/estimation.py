@@ -26,6 +26,7 @@ from models.effects import (
 )
 from models.manipulator import Manipulator
 from models.mechanics import assemble
+from models.parameters import Parameter
 from models.response import lag, oscillation
 from models.terms import Effect, name_of
 from models.torques import inverse_dynamics, recover
@@ -114,7 +115,8 @@ def estimate(
     values = dict(solution.values)
     p = np.array([values.get(name, value) for name, value in system.nominal.items()])[:, None]
     found = recover(system, machine, effects).map(len(t))(x.T, rate.T, np.tile(p, len(t)))
-    course = Course(t, *(np.array(part) for part in found), values)
+    q, v, a, tau = (np.array(part) for part in found)
+    course = Course(t, q, v, a, tau, values)
     if candidates is None:
         known = {type(effect) for effect in effects}
         dry = known & {Coulomb, Stribeck}
@@ -142,10 +144,10 @@ def typical(machine: Manipulator, tau: Array, v: Array) -> tuple[Effect, ...]:
 
     Gravity 9.81 m/s^2; payload a tenth of the mass of the machine; viscous friction that takes 5 % of the peak torque
     at the peak speed; Coulomb friction 5 % of the peak torque, Stribeck with a breakaway of 7.5 %; rotors of
-    1e-4 kg m^2 with a ratio of 100 (300 rad/m); a lag of 5 ms; joints of 1e5 N m/rad (1e6 N/m) with those rotors; motors
-    with L / R = 2 ms; a tool force of 50 N downwards; torque-speed limits of twice the peak torque and speed; a supply
-    of 2 kW; windings whose temperature may rise by 100 K. Stops and counterbalances depend on the build of the machine
-    and have no usual size.
+    1e-4 kg m^2 with a ratio of 100 (300 rad/m); a lag of 5 ms; joints of 1e5 N m/rad (1e6 N/m) with those rotors;
+    motors with L / R = 2 ms; a tool force of 50 N downwards; torque-speed limits of twice the peak torque and speed;
+    a supply of 2 kW; windings whose temperature may rise by 100 K. Stops and counterbalances depend on the build of
+    the machine and have no usual size.
 
     Args:
         machine: whose drives they are for.
@@ -243,15 +245,15 @@ def _heating(machine: Manipulator, effect: WindingHeat, course: Course, motors: 
     gain = _column(motor, machine, "constant") * _column(motor, machine, "ratio")
     loss = _column(motor, machine, "resistance") * course.rms(course.tau) ** 2 / gain**2
     rise = _column(effect, machine, "resistance") * loss
-    allowed = np.inf
-    if effect.limit is not None:
-        ambient = float(getattr(effect.ambient, "value", effect.ambient))
-        allowed = _column(effect, machine, "limit") - ambient
-    return float(np.nanmax(rise / allowed)), f"steady rise {np.nanmax(rise):.3g} K if the motion is repeated"
+    ambient = effect.ambient.value if isinstance(effect.ambient, Parameter) else effect.ambient
+    allowed = _column(effect, machine, "limit") - float(ambient)
+    use = float(np.nanmax(rise / allowed)) if effect.limit is not None else float("nan")
+    return use, f"steady rise {np.nanmax(rise):.3g} K if the motion is repeated"
 
 
 def _column(effect: Effect, machine: Manipulator, name: str) -> Array:
     """Return a field for every drive, NaN where a drive has none."""
     value = getattr(effect, name)
     several = value if isinstance(value, Sequence) else (value,) * len(machine.coordinates)
-    return np.array([np.nan if item is None else float(getattr(item, "value", item)) for item in several])
+    numbers = [item.value if isinstance(item, Parameter) else item for item in several]
+    return np.array([np.nan if item is None else float(item) for item in numbers])

@@ -135,10 +135,9 @@ Effect = Callable[["Manipulator", Terms], Terms]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """An effect of a list, what it is called, and its terms."""
+    """What an effect of a list is called, and its terms."""
 
     name: str
-    effect: Effect | None  # None for the clock
     terms: Terms
 
 
@@ -158,9 +157,9 @@ def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
         terms = effect(machine, total)
         total = total + terms
         same = sum(part.name.rstrip("_0123456789") == name_of(effect) for part in parts)
-        parts.append(Part(f"{name_of(effect)}_{same + 1}" if same else name_of(effect), effect, terms))
+        parts.append(Part(f"{name_of(effect)}_{same + 1}" if same else name_of(effect), terms))
     if "time" not in total.states and any(read.name == "time" for read in total.reads):
-        parts.append(Part("clock", None, Terms(states={"time": State(ca.SX.sym("time"), ca.SX(1), "s", 0.0)})))
+        parts.append(Part("clock", Terms(states={"time": State(ca.SX.sym("time"), ca.SX(1), "s", 0.0)})))
     return tuple(parts)
 
 

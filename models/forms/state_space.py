@@ -2,44 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import casadi as ca
 
 from models.frames import Frame, without_negligible
 from models.mechanics import Mechanics
-from models.terms import Effect, Quantity
+from models.terms import Quantity
 from ocp.system import Label, System
 
 
-def as_system(
-    mechanics: Mechanics,
-    frame: Frame,
-    symbol: ca.SX,
-    w: ca.SX,
-    v: ca.SX,
-    symbol_rate: ca.SX,
-    form: Callable[[Sequence[Effect]], System],
-) -> System:
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Equations of motion in velocity coordinates of a form."""
+
+    frame: Frame  # in which w is meant
+    symbol: ca.SX  # (n,) symbols of v, w or p, whichever the form has as state
+    w: ca.SX  # (n,) quasi-velocities in terms of q and symbol
+    v: ca.SX  # (n,) velocities dq/dt in terms of q and symbol
+    rate: ca.SX  # (n,) d(symbol)/dt
+
+
+Form = Callable[[Mechanics], Equations]
+
+
+def as_system(mechanics: Mechanics, form: Form) -> System:
     """Return the System with x = [q; symbol; states of effects] and u = the control, tau for ideal drives.
 
     Args:
         mechanics: machine and effects.
-        frame: in which w is meant.
-        symbol: (n,) symbols of v, w or p, whichever the form has as state.
-        w: (n,) quasi-velocities in terms of q and symbol.
-        v: (n,) velocities dq/dt in terms of q and symbol.
-        symbol_rate: (n,) d(symbol)/dt.
-        form: makes the same System with other effects, to price those that couple the metric.
+        form: makes the equations of motion from the mechanics.
 
     Raises:
-        ValueError: an effect defines a signal that every machine has.
+        ValueError: an effect defines a signal that every machine has, or reads one that nobody defines.
     """
     machine, terms, states = mechanics.machine, mechanics.terms, mechanics.terms.states
-
-    def final(expression: ca.SX) -> ca.SX:
-        return ca.substitute(mechanics.resolved(expression), machine.v, v)
-
+    equations = form(mechanics)
+    frame, symbol, w = equations.frame, equations.symbol, equations.w
     kind = symbol[0].name()[0]
     third = {} if kind == "v" else {kind: Quantity(symbol, "", tuple(s.name() for s in ca.vertsplit(symbol)))}
     kinetic = ca.dot(w, frame.metric @ w) / 2
@@ -53,16 +53,12 @@ def as_system(
             raise ValueError(f"an effect defines the state {name!r}, which is a signal already; rename it")
         published[name] = Quantity(state.symbol, state.unit)
 
-    signals = {name: final(quantity.expression) for name, quantity in published.items()}
+    signals = {name: _final(mechanics, equations, quantity.expression) for name, quantity in published.items()}
     labels = {name: tuple(Label(*pair) for pair in quantity.labelled(name)) for name, quantity in published.items()}
     labels["x"] = labels["q"] + labels["v" if kind == "v" else kind]
     labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
     labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
-    parameters = mechanics.parameters
-    x = ca.vertcat(machine.q, symbol, *(state.symbol for state in states.values()))
-    u, p = mechanics.control.expression, ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
-    rates = [final(state.rate) for state in states.values()]
-    rate = ca.cse(ca.densify(ca.vertcat(v, symbol_rate, *rates)))
+    x, u, p, rate = _rate(mechanics, equations)
     return System(
         x=x,
         u=u,
@@ -71,10 +67,24 @@ def as_system(
         signals=signals,
         nominal={**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal},
         labels=labels,
-        notes=coupling(mechanics, frame, ca.Function("rate", [x, u, p], [rate]), form),
+        notes=coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions()),
         limits=terms.limits,
         initial={name: state.initial for name, state in states.items() if state.initial is not None},
     )
+
+
+def _final(mechanics: Mechanics, equations: Equations, expression: ca.SX) -> ca.SX:
+    """Return an expression of an effect in terms of the states of the form and the control."""
+    return ca.substitute(mechanics.resolved(expression), mechanics.machine.v, equations.v)
+
+
+def _rate(mechanics: Mechanics, equations: Equations) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return x, u, p and dx/dt."""
+    states, parameters = mechanics.terms.states.values(), mechanics.parameters
+    x = ca.vertcat(mechanics.machine.q, equations.symbol, *(state.symbol for state in states))
+    u, p = mechanics.control.expression, ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
+    rates = [_final(mechanics, equations, state.rate) for state in states]
+    return x, u, p, ca.cse(ca.densify(ca.vertcat(equations.v, equations.rate, *rates)))
 
 
 def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantity]:
@@ -109,12 +119,10 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantit
     return found
 
 
-def coupling(
-    mechanics: Mechanics, frame: Frame, rate: ca.Function, form: Callable[[Sequence[Effect]], System]
-) -> tuple[str, ...]:
+def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tuple[str, ...]:
     """Say which entries of the metric are off the diagonal in the frame, what put them there, and its price.
 
-    The price of an effect is the number of instructions of the rate with it less that without it.
+    The price of an effect is the number of instructions of the rate with it, `count`, less that without it.
     """
     if frame.diagonal:
         return ()
@@ -128,19 +136,15 @@ def coupling(
             continue
         pulled = without_negligible(frame.inverse.T @ part.terms.metric @ frame.inverse, frame.q)
         if not pulled.sparsity().is_subset(diagonal):
-            rest = [other.effect for other in mechanics.parts if other is not part and other.effect is not None]
-            price = rate.n_instructions() - instructions(form(rest))
-            culprits.append(f"the effect {part.name} (for {price} of {rate.n_instructions()} instructions)")
+            rest = Mechanics(mechanics.machine, tuple(other for other in mechanics.parts if other is not part))
+            *inputs, rate = _rate(rest, form(rest))
+            price = count - ca.Function("rate", inputs, [rate]).n_instructions()
+            culprits.append(f"the effect {part.name} (for {price} of {count} instructions)")
     by = " and ".join(culprits)
     return (
         f"the metric is not diagonal in the frame {frame.name!r}: the quasi-velocities {pairs} are coupled by {by}; "
         "it is factorised as L D L' instead of divided by its diagonal",
     )
-
-
-def instructions(system: System) -> int:
-    """Return the number of instructions of x' = rate(x, u, p)."""
-    return int(ca.Function("rate", [system.x, system.u, system.p], [system.rate]).n_instructions())
 
 
 def symbols(letter: str, n: int) -> ca.SX:
