@@ -96,7 +96,7 @@ class Stribeck:
     """Dry friction that falls from breakaway to sliding, Q = -(f + (f_static - f) exp(-(v / speed)^2)) tanh(v / width).
 
     The smoothing is that of `Coulomb`; it keeps the breakaway force from being reached unless width is well below
-    speed: at width = speed / 10 the largest force is 0.94 f_static for f_static = 1.5 f.
+    speed: at width = speed / 10 the largest force is 0.97 f_static for f_static = 1.5 f.
 
     Adds a force, and -Q v to the signal "loss"; no states, no controls, the parameters `stribeck.f`,
     `stribeck.f_static`, `stribeck.speed`, `stribeck.width` if they are Parameters. Viscous friction is another effect.
