@@ -19,7 +19,7 @@ from models.effects import (
 from models.forms import canonical, hamel, lagrange
 from ocp import Fixed, Problem, along, extend, point_to_point, simulate, start
 
-EACH_FORM = pytest.mark.parametrize("form", (lagrange, hamel, canonical), ids=lambda form: form.__name__)
+EACH_FORM = pytest.mark.parametrize("form", [lagrange, hamel, canonical], ids=lambda form: form.__name__)
 MASS = 65.0  # of the lift, m_2 + m_3
 LIFT = 1
 
@@ -230,8 +230,9 @@ def test_effects_that_define_the_same_thing_are_refused(pair, thing):
 @EACH_FORM
 def test_rest_means_that_nothing_moves_on(form):
     arm = spherical()
-    lists = ([LaggedDrive(0.03)], [ElasticDrive(1e4, 0.5)], [LaggedDrive((0.1, None, 0.1, 0.1)), ElasticDrive(1e4, 0.5)],
-             [MotorDrive(0.1, 1.0, 1e-3), ElasticDrive(1e4, 0.5)], [MotorDrive(0.1, 1.0, 1e-3)])  # fmt: skip
+    lists = ([LaggedDrive(0.03)], [ElasticDrive(1e4, 0.5)], [MotorDrive(0.1, 1.0, 1e-3)],
+             [LaggedDrive((0.1, None, 0.1, 0.1)), ElasticDrive(1e4, 0.5)],
+             [MotorDrive(0.1, 1.0, 1e-3), ElasticDrive(1e4, 0.5)])  # fmt: skip
     q0 = [1.1, 0.2, 0.3, 0.8]
     for drives in lists:
         system = form(arm, [Gravity(), *drives])

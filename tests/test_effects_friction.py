@@ -11,7 +11,7 @@ from models.forms import canonical, hamel, lagrange
 from models.mechanics import assemble
 from ocp import simulate
 
-EACH_FORM = pytest.mark.parametrize("form", (lagrange, hamel, canonical), ids=lambda form: form.__name__)
+EACH_FORM = pytest.mark.parametrize("form", [lagrange, hamel, canonical], ids=lambda form: form.__name__)
 MASS = 65.0  # m_2 + m_3 of the lift
 SPEED, FORCE = 0.8, 40.0
 
@@ -170,8 +170,7 @@ def test_stop_turns_a_joint_back_and_keeps_what_it_does_not_damp(form):
             beyond = np.sum(place > end) * 0.7 / 1400
             assert beyond == pytest.approx(np.pi * np.sqrt(MASS / stiffness), rel=0.02)
         else:
-            # m v dv = -k e (1 + d v) de: the speeds before and after obey u / d - ln(1 + d u) / d^2 = -k e^2 / (2 m) ..,
-            # the same at v0 and at the end.
+            # m v dv = -k e (1 + d v) de: v / d - ln(1 + d v) / d^2 = -k e^2 / (2 m) + const, the same before and after.
             level = speed[-1] / damping - np.log(1.0 + damping * speed[-1]) / damping**2
             assert level == pytest.approx(SPEED / damping - np.log(1.0 + damping * SPEED) / damping**2, rel=1e-3)
             assert -SPEED < speed[-1] < -0.5 * SPEED

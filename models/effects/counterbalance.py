@@ -33,7 +33,7 @@ class Counterbalance:
         body: name of the body; None is the one next to the column.
 
     Raises:
-        ValueError: neither mass nor stiffness, a value is no finite number in its range, or no such body.
+        ValueError: a value is no finite number in its range, or no such body.
 
     Source: N. Ulrich, V. Kumar, Passive mechanical gravity compensation for robot manipulators, ICRA 1991.
     """

@@ -44,7 +44,13 @@ class MotorDrive:
     ratio: Some = quantity("rad/rad or rad/m", 100.0)
 
     def __post_init__(self) -> None:
-        read_fields(self)
+        fields = read_fields(self)
+        for name, value in fields.nominal.items():
+            if name.startswith("motor_drive.inductance") and value == 0.0:
+                raise ValueError(
+                    "motor_drive.inductance: got Parameter(value=0.0), expected a value > 0 for one that stays a "
+                    "symbol: it makes the current a state, which the number 0 does not"
+                )
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states and the drive."""
@@ -75,7 +81,7 @@ class MotorDrive:
                 current[i] = ca.SX.sym(name)
                 states[name] = State(current[i], (left - resistance[i] * current[i]) / inductance[i], "A")
             torque[i] = gain * current[i]
-        heat = ca.vertcat(*(resistance[i] * current[i] ** 2 if i in motors else 0.0 for i in range(n)))
+        heat = ca.vertcat(*(resistance[i] * current[i] ** 2 if i in motors else ca.SX(0) for i in range(n)))
         electrical = sum((control[i] * current[i] for i in motors), ca.SX(0))
         voltage = Quantity(control, tuple("V" if i in motors else forces[i] for i in range(n)), names)
 
@@ -87,7 +93,7 @@ class MotorDrive:
                 needed[i] = resistance[i] * drawn[i] + constant[i] * ratio[i] * v[i]
                 if not (isinstance(inductance[i], float) and inductance[i] == 0.0):
                     needed[i] += inductance[i] * rate(drawn[i])
-            heat = ca.vertcat(*(resistance[i] * drawn[i] ** 2 if i in motors else 0.0 for i in range(n)))
+            heat = ca.vertcat(*(resistance[i] * drawn[i] ** 2 if i in motors else ca.SX(0) for i in range(n)))
             return {
                 "voltage": Quantity(needed, voltage.unit, names),
                 "current": Quantity(drawn, "A", names_of(machine, "current")),
