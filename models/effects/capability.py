@@ -10,6 +10,7 @@ from models.effects.fields import Some, bounded, names_of, quantity, read_fields
 from models.manipulator import Manipulator
 from models.parameters import Value
 from models.terms import Quantity, Read, Terms
+from ocp.system import Side
 
 MACHINE = "a machine"
 
@@ -68,9 +69,9 @@ class PowerLimit:
     tau and v are those of the motors in units of the joints. A drive that brakes feeds the others, as on a common
     supply; nothing else is stored.
 
-    Adds the signal "drive_power" [W] and its limit along every motion; no states, no controls, the parameters
-    `power_limit.limit`, `power_limit.brake` if they are Parameters (the signals "drive_power_share",
-    "brake_power_share" are then limited to 1 instead).
+    Adds the signals "drive_power" [W] and "drive_power_share" = drive_power / limit, limited to -brake / limit .. 1
+    along every motion; no states, no controls, the parameters `power_limit.limit`, `power_limit.brake` if they are
+    Parameters (a limit of braking then is one of the signal "brake_reserve" = (drive_power + brake) / limit >= 0).
 
     Args:
         limit: power that the supply gives > 0 [W].
@@ -91,14 +92,17 @@ class PowerLimit:
         fields = read_fields(self)
         tau, v, reads = motors(machine, fields.prefix)
         power, limit, brake = ca.dot(tau, v), fields["limit"], fields["brake"]
-        own = Terms(reads=reads, symbols=fields.symbols, nominal=fields.nominal, defines={"power limit": fields.prefix})
-        if not isinstance(limit, ca.SX) and not isinstance(brake, ca.SX):
-            low = None if brake is None else -brake
-            return own + Terms(signals={"drive_power": Quantity(power, "W")}, limits={"drive_power": (low, limit)})
-        own += bounded("drive_power", power, [ca.SX(limit)], ("drive_power",), "W", both=False)
-        if brake is None:
-            return own
-        return own + bounded("brake_power", -power, [ca.SX(brake)], ("brake_power",), "W", both=False)
+        # Shares, not watts: unscaled rows of this product of unknowns keep an interior-point method from converging.
+        signals = {"drive_power": Quantity(power, "W"), "drive_power_share": Quantity(power / limit, "1")}
+        lower = None if brake is None or isinstance(limit, ca.SX) or isinstance(brake, ca.SX) else -brake / limit
+        limits: dict[str, tuple[Side, Side]] = {"drive_power_share": (lower, 1.0)}
+        if brake is not None and lower is None:
+            signals["brake_reserve"] = Quantity((power + brake) / limit, "1")
+            limits["brake_reserve"] = (0.0, None)
+        return Terms(
+            signals=signals, limits=limits, reads=reads, symbols=fields.symbols, nominal=fields.nominal,
+            defines={"power limit": fields.prefix},
+        )  # fmt: skip
 
 
 def motors(machine: Manipulator, reader: str) -> tuple[ca.SX, ca.SX, tuple[Read, ...]]:
