@@ -224,7 +224,7 @@ def _torque(machine: Manipulator, effects: Sequence[Effect], course: Course) -> 
 
 def _limit_use(machine: Manipulator, effect: TorqueSpeed | PowerLimit, course: Course) -> float:
     terms = effect(machine, assemble(machine, ()).terms)
-    used = 0.0
+    used = 0.0  # a side of zero has no share
     symbols: dict[str, ca.SX] = {read.name: read.symbol for read in terms.reads}
     names = list(terms.symbols)
     p = np.array([course.values.get(name, terms.nominal[name]) for name in names])[:, None]
@@ -233,7 +233,7 @@ def _limit_use(machine: Manipulator, effect: TorqueSpeed | PowerLimit, course: C
         function = ca.Function("signal", inputs, [terms.signals[name].expression])
         signal = np.array(function.map(len(course.t))(course.tau, course.v, np.tile(p, len(course.t))))
         for sign, side in ((-1.0, lower), (1.0, upper)):
-            if side is not None:
+            if side is not None and np.all(np.asarray(side) != 0.0):
                 used = max(used, float(np.max(sign * signal / np.abs(np.broadcast_to(side, len(signal)))[:, None])))
     return used
 

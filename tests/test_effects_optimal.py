@@ -44,7 +44,14 @@ def scene(name):
     viscous, coulomb, width = FRICTION[name]
     stall = tuple(1.6 * limit for limit in task.limit)
     limit = TorqueSpeed(stall, NO_LOAD[name], task.limit)
-    effects = [Gravity(), Payload(4.0), Viscous(viscous), Coulomb(coulomb, width), RotorInertia(1e-4, RATIO[name]), limit]
+    effects = [
+        Gravity(),
+        Payload(4.0),
+        Viscous(viscous),
+        Coulomb(coulomb, width),
+        RotorInertia(1e-4, RATIO[name]),
+        limit,
+    ]
     return task, task.machine(), effects
 
 
