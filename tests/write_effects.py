@@ -58,7 +58,7 @@ Signals that every machine has are not listed; `loss` [W] closes the balance of 
 def cases(name: str) -> dict[str, list]:
     """Return every effect with parameters that suit a machine, and what they need beside them."""
     task = TASKS[name]
-    n, limit = len(task.limit), task.limit
+    limit = task.limit
     light = tuple(0.02 * f for f in limit)
     motor = MotorDrive(tuple(f / 1000.0 for f in limit), 1.0, 1e-3, 100.0)
     return {
