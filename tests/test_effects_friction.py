@@ -167,6 +167,9 @@ def test_stop_turns_a_joint_back_and_keeps_what_it_does_not_damp(form):
             # Half an oscillation of the lift on the spring: depth v0 sqrt(m / k), time pi sqrt(m / k).
             assert np.max(place) - end == pytest.approx(SPEED * np.sqrt(MASS / stiffness), rel=2e-3)
             assert speed[-1] == pytest.approx(-SPEED, rel=1e-6)
+            energy = motion.signal("energy")[:, 0]
+            assert np.max(np.abs(energy - MASS * SPEED**2 / 2.0)) < 1e-6 * energy[0]
+            assert np.max(np.abs(motion.signal("loss"))) < 1e-9 * MASS * SPEED**3
             beyond = np.sum(place > end) * 0.7 / 1400
             assert beyond == pytest.approx(np.pi * np.sqrt(MASS / stiffness), rel=0.02)
         else:
