@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from models.frames import Frame, fixed, ldl, udu
+from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, lists_its_parameters, read, unit_of
@@ -108,7 +108,13 @@ def cylindrical(
         tool_metric=point_metric(offset, r + p["l_T"]),
         skeleton=ca.horzcat(ca.SX(3, 1), lift, offset * across + lift, arm + p["l_T"] * along),
         drives=(Drive("M_phi", 1), Drive("K_xi", 1), Drive("K_r", 1)),
-        frames={"paper": paper, "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},
+        frames={
+            "paper": paper,
+            "regular": fixed(regular),
+            "coordinate": coordinate(q, metric),
+            "ldl": ldl(q, metric),
+            "udu": udu(q, metric),
+        },
         nominal=p.nominal,
         symbols=p.symbols,
     )

@@ -43,6 +43,17 @@ def fixed(frame: Frame) -> Callable[[ca.SX], Frame]:
     return make
 
 
+def coordinate(q: ca.SX, metric: ca.SX) -> Callable[[ca.SX], Frame]:
+    """Return a maker for the frame of the coordinates themselves: w = v, so that (q, p) are canonical coordinates.
+
+    Args:
+        q: (n,) coordinates.
+        metric: (n, n) metric in coordinates.
+    """
+    unit = ca.SX.eye(q.numel())
+    return lambda added: Frame("coordinate", q, unit, unit, ca.sparsify(metric + added))
+
+
 def ldl(q: ca.SX, metric: ca.SX) -> Callable[[ca.SX], Frame]:
     """Return a maker for the frame of g = L D L': w = L' v, g' = D, det F = 1.
 

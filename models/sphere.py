@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from models.cylinder import about_axis
-from models.frames import Frame, fixed, ldl, udu
+from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, lists_its_parameters, read, unit_of
@@ -133,7 +133,13 @@ def spherical(
         tool_metric=ca.sparsify(ca.diag(ca.vertcat(reach_tool, reach_tool * sine**2, 0, 1))),
         skeleton=ca.horzcat(ca.SX(3, 1), s2 * direction, r * direction, (r + p["l_T"]) * direction),
         drives=(Drive("M_theta", -1), Drive("M_psi", 1), Drive("M_phi", 1), Drive("K_r", 1)),
-        frames={"paper": fixed(paper), "regular": fixed(regular), "ldl": ldl(q, metric), "udu": udu(q, metric)},
+        frames={
+            "paper": fixed(paper),
+            "regular": fixed(regular),
+            "coordinate": coordinate(q, metric),
+            "ldl": ldl(q, metric),
+            "udu": udu(q, metric),
+        },
         nominal=p.nominal,
         symbols=p.symbols,
     )

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from models.cylinder import about_axis
-from models.frames import Frame, fixed, ldl, udu
+from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, Parameters, lists_its_parameters, read, unit_of
@@ -180,6 +180,7 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
         "regular": fixed(regular),
         "ldl": ldl(q, metric),
         "udu": udu(q, metric),
+        "coordinate": coordinate(q, metric),
         "arrow": fixed(arrow),
         "other_root": fixed(other),
     }

@@ -1,5 +1,6 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
+from ocp import integrators
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.constraint import Constraint, along, end, periodic, start
 from ocp.extension import extend, time_derivative
@@ -8,6 +9,7 @@ from ocp.guess import Guess, smooth, straight_line
 from ocp.ipopt import Ipopt
 from ocp.ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
 from ocp.optima import Optimum, multistart
+from ocp.polishing import polish
 from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.region import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.sequence import Sequence, SequenceSolution
@@ -15,6 +17,7 @@ from ocp.simulation import Trajectory, simulate
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import Prepared, prepare, solve
 from ocp.storage import load, save
+from ocp.structure import Structure
 from ocp.system import Label, System
 from ocp.tasks import point_to_point
 from ocp.verification import Report, verify
@@ -22,8 +25,8 @@ from ocp.verification import Report, verify
 __all__ = [
     "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cylinder", "Fixed", "Free", "Grid", "Guess",
     "HalfSpace", "Ipopt", "Label", "Optimum", "ParameterPath", "Prepared", "Problem", "Report", "Scheme", "Sequence",
-    "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "System", "Timings", "Trajectory",
-    "WiderLimits", "along", "end", "extend", "given", "inside", "legendre", "load", "lobatto", "multistart", "outside",
-    "periodic", "point_to_point", "prepare", "radau", "save", "simulate", "smooth", "solve", "start", "straight_line",
-    "time_derivative", "uniform", "verify",
+    "SequenceSolution", "Smooth", "Solution", "Status", "StraightLine", "Structure", "System", "Timings", "Trajectory",
+    "WiderLimits", "along", "end", "extend", "given", "inside", "integrators", "legendre", "load", "lobatto",
+    "multistart", "outside", "periodic", "point_to_point", "polish", "prepare", "radau", "save", "simulate", "smooth",
+    "solve", "start", "straight_line", "time_derivative", "uniform", "verify",
 ]  # fmt: skip

@@ -125,7 +125,7 @@ def assemble(
         size: number of unknowns.
         linear: rows, columns and values of the constant part of the rows.
         rows: number of rows of g.
-        time: places of the duration among the unknowns, its price there, and the cost of a duration that is none.
+        time: places of the durations among the unknowns, their price there, and the cost of a duration that is none.
         blocks: local functions, each with its inputs (one column for each copy).
         z: (size,) unknowns.
         s: parameters of the programme.
@@ -148,7 +148,7 @@ def assemble(
     weights = [ca.DM(local.cost.ravel(order="F")) for local, _ in priced]
 
     def cost_of(values: list[ca.MX]) -> ca.MX:
-        start = time[2] + (time[1] * z[int(time[0][0])] if len(time[0]) else 0.0)
+        start = time[2] + (time[1] * ca.sum1(z[time[0].tolist()]) if len(time[0]) else 0.0)
         return sum((ca.dot(weight, ca.vec(v)) for weight, v in zip(weights, values, strict=True)), start)
 
     def rows_of(values: list[ca.MX]) -> ca.MX:

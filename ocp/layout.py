@@ -14,16 +14,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of the unknowns in z, element by element, then the duration and the free parameters."""
+    """Places of the unknowns in z, element by element, then the durations and the free parameters."""
 
     state: Array  # (N, m, nx) place of every state unknown; ends of elements are shared
     control: Array  # (N, c, nu) place of every control unknown; shared at the ends for linear control
-    horizon: Array  # (1,) place of the duration, or (0,) if it is fixed
+    horizon: Array  # (A,) places of the durations of the arcs, one as a rule; (0,) if the duration is fixed
     free: Array  # (nf,) places of the free parameters
     size: int
 
 
-def lay_out(scheme: Scheme, grid: Grid, nx: int, nu: int, free_horizon: bool, free_parameters: int) -> Layout:
+def lay_out(scheme: Scheme, grid: Grid, nx: int, nu: int, durations: int, free_parameters: int) -> Layout:
     """Return the layout of the unknowns of a problem on a grid."""
     n, m = len(grid), len(scheme.nodes)
     own = m - 1  # the last node is the first of the next element
@@ -40,6 +40,6 @@ def lay_out(scheme: Scheme, grid: Grid, nx: int, nu: int, free_horizon: bool, fr
         final = size + np.arange(nu)[None, None, :]
         control = np.concatenate([control, np.concatenate([control[1:], final], axis=0)], axis=1)
         size += nu
-    horizon = np.arange(size, size + int(free_horizon))
-    size += int(free_horizon)
+    horizon = np.arange(size, size + durations)
+    size += durations
     return Layout(state, control, horizon, np.arange(size, size + free_parameters), size + free_parameters)

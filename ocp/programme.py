@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -36,11 +36,13 @@ class Programme:
     ends: Array  # (nb,) rows of g
     path_parts: tuple[tuple[int, int], ...]  # (constraint, component) of each path row
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
+    conditions: tuple[Array, ...] = ()  # for each condition of a division (m, places * elements) rows of g
+    total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
 
     @property
     def rows(self) -> int:
         """Number of rows of g."""
-        return self.defects.size + sum(rows.size for rows in self.path) + self.ends.size
+        return sum(rows.size for rows in (self.defects, *self.path, self.ends, *self.conditions, self.total))
 
 
 def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:

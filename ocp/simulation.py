@@ -1,20 +1,20 @@
-"""Forward simulation of a System under a given control, to tolerances near rounding."""
+"""Forward simulation of a System under a given control, by any integrator; to tolerances near rounding by default."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from ocp.integration import integrate
+from ocp.extrapolation import Extrapolation
+from ocp.method import Method, check_components, check_tolerances
+from ocp.piece import Controls, at_start, pieces
 from ocp.solution import OUTSIDE, Solution
 from ocp.system import System
 
 Array = np.ndarray
-ControlOf = Callable[[float], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,7 @@ class Trajectory:
     message: str  # empty, or why the integration stopped
     system: System
     values: Mapping[str, float]
+    evaluations: int = 0  # of f, those of rejected steps included
 
     @property
     def ok(self) -> bool:
@@ -46,15 +47,16 @@ class Trajectory:
 def simulate(
     system: System,
     x0: Sequence[float] | Array,
-    control: Solution | ControlOf | Sequence[float] | Array,
+    control: Controls,
     times: Sequence[float] | Array | float,
     *,
     values: Mapping[str, float] | None = None,
     breaks: Sequence[float] = (),
-    rtol: float = 1e-12,
-    atol: float | Array = 1e-12,
+    method: Method | None = None,
+    rtol: float | None = None,
+    atol: float | Array | None = None,
 ) -> Trajectory:
-    """Integrate x' = f(x, u(t), p) from x0 at t = 0, with steps of order 16 and an error control for each step.
+    """Integrate x' = f(x, u(t), p) from x0 at t = 0; by default with steps of order 16, an error control for each.
 
     Args:
         system: x' = f(x, u, p).
@@ -63,12 +65,13 @@ def simulate(
         times: (K,) times to report [s], increasing, >= 0; or one duration, reported at 101 places.
         values: of parameters, by name; nominal where silent (those of the Solution if the control is one).
         breaks: times where a function jumps or has a kink [s]; the steps end there.
-        rtol, atol: tolerance of one step; atol scalar or (nx,).
+        method: from `ocp.integrators`, such as `gauss(2, step=1e-3)`; None is `extrapolation()`.
+        rtol, atol: tolerance of one step, in place of those of the method; atol scalar or (nx,).
 
     Raises:
-        ValueError: sizes disagree, times that do not increase, tolerances <= 0.
-
-    Source: `ocp.integration.integrate` (Gragg-Bulirsch-Stoer).
+        ValueError: sizes disagree, times that do not increase, tolerances <= 0 or for a method without error control,
+            a method that does not apply to the system.
+        TypeError: method is no integrator.
     """
     start = np.array(x0, dtype=float).ravel()
     if len(start) != system.x.numel() or not np.all(np.isfinite(start)):
@@ -83,107 +86,37 @@ def simulate(
         raise ValueError(f"times: got {shown}{' ...' if len(reported) > 6 else ''}, expected increasing times >= 0 s")
     if isinstance(control, Solution) and reported[-1] > control.duration * (1.0 + OUTSIDE):
         raise ValueError(f"times: got {reported[-1]:g} s, the control lasts {control.duration:g} s")
-    if np.size(atol) not in (1, len(start)):
-        raise ValueError(f"atol: has {np.size(atol)} components, expected 1 or {len(start)}")
-    if not (rtol > 0.0 and np.all(np.asarray(atol) > 0.0)):
-        raise ValueError(f"rtol, atol: got {rtol}, {atol}, expected numbers > 0")
+    chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))
     if values is None and isinstance(control, Solution):
         values = control.values
     known = {name: value for name, value in (values or {}).items() if name in system.nominal}
     parameters = system.values(known if isinstance(control, Solution) else values)
     nu = system.u.numel()
-    x = start
     xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
-    message, step = "", 0.0
     if reported[0] == 0.0:
-        xs[0], us[0] = start, _first(control, nu)
-    rate = _BufferedRate(system, parameters)
-    for a, b, u in _pieces(control, reported[-1], breaks, nu):
-        rate.follow(u)
-        t = a
-        for stop in [*reported[(reported > a) & (reported < b)], b]:
-            done = integrate(rate, t, stop, x, rtol, atol, step)
-            if done.reached < stop:
-                message = f"the integration stopped at t = {done.reached:.9g} s: the step vanished or f is not finite"
-                break
-            t, x, step = stop, done.x, done.step
+        xs[0], us[0] = start, at_start(control, nu)
+    parts = tuple(pieces(control, reported, breaks, nu))
+    passage = chosen.march(system, parameters, start, parts)
+    row = 0
+    for piece in parts:
+        for stop in piece.stops[1:]:
             place = np.searchsorted(reported, stop)
-            if place < len(reported) and reported[place] == stop:
-                xs[place], us[place] = x, u(stop)
-        if message:
-            break
+            if place < len(reported) and reported[place] == stop and not np.isnan(passage.x[row, 0]):
+                xs[place], us[place] = passage.x[row], piece.control(stop)
+            row += 1
     named = dict(zip(system.nominal, parameters, strict=True))
-    return Trajectory(reported, xs, us, message, system, named)
+    return Trajectory(reported, xs, us, passage.message, system, named, passage.evaluations)
 
 
-def _pieces(
-    control: Solution | ControlOf | Sequence[float] | Array, end: float, breaks: Sequence[float], nu: int
-) -> Iterator[tuple[float, float, ControlOf]]:
-    """Yield (from, to, u) for the intervals on which the control is smooth."""
-    if isinstance(control, Solution):
-        for k, (a, b) in enumerate(zip(control.nodes[:-1], control.nodes[1:], strict=True)):
-            if a < end:
-                yield a, min(b, end), _on_element(control, k, a, b)
-        return
-    if callable(control):
-        function: ControlOf = control
-    else:
-        constant = _first(control, nu)
-
-        def function(_: float) -> Array:
-            return constant
-
-    _first(function, nu)
-    inner = sorted({float(b) for b in breaks if 0.0 < b < end})
-    marks = [0.0, *inner, end]
-    for a, b in pairwise(marks):
-        yield a, b, _inside(function, a, b) if inner else function
-
-
-def _first(control: Solution | ControlOf | Sequence[float] | Array, nu: int) -> Array:
-    """Return the control at t = 0."""
-    if isinstance(control, Solution):
-        return control.u(0.0)
-    value = control(0.0) if callable(control) else control
-    if np.size(value) != nu:
-        raise ValueError(f"control: got {np.size(value)} numbers, expected {nu}")
-    return np.array(value, dtype=float).ravel()
-
-
-def _inside(function: ControlOf, a: float, b: float) -> ControlOf:
-    """Return u(t) as seen from inside (a, b), so that a jump at a or b is not mixed into the piece."""
-    nudge = 1e-12 * (b - a)
-    return lambda t: np.asarray(function(min(max(t, a + nudge), b - nudge)), dtype=float)
-
-
-def _on_element(solution: Solution, k: int, a: float, b: float) -> ControlOf:
-    unknowns = solution.controls[k]
-    if len(unknowns) == 1:
-        return lambda t: unknowns[0]
-    return lambda t: (solution.scheme.control_at(np.array([(t - a) / (b - a)])) @ unknowns)[0]
-
-
-class _BufferedRate:
-    """f(t, x) on numpy arrays, evaluated by CasADi on memory that this object owns."""
-
-    def __init__(self, system: System, parameters: Sequence[float]) -> None:
-        self._u: ControlOf = lambda _: np.zeros(system.u.numel())
-        self._function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)])
-        self._memory = [np.zeros(system.x.numel()), np.zeros(system.u.numel()), np.array(parameters, dtype=float)]
-        self._out = np.zeros(system.x.numel())
-        # The buffer keeps bare pointers: it, the function and the arrays must live as long as the call.
-        self._buffer, self._call = self._function.buffer()
-        for i, array in enumerate(self._memory):
-            if array.size:
-                self._buffer.set_arg(i, memoryview(array))  # type: ignore[arg-type,call-arg]
-        self._buffer.set_res(0, memoryview(self._out))  # type: ignore[arg-type,call-arg]
-
-    def follow(self, u: ControlOf) -> None:
-        """Use another control from now on."""
-        self._u = u
-
-    def __call__(self, t: float, state: Array) -> Array:
-        self._memory[0][:] = state
-        self._memory[1][:] = self._u(t)
-        self._call()
-        return self._out.copy()
+def _with_tolerances(method: Method, rtol: float | None, atol: float | Array | None, nx: int) -> Method:
+    """Return the method with the tolerances that are not None in place of its own."""
+    if isinstance(method, type) or not callable(getattr(method, "march", None)):
+        raise TypeError(f"method: got {method!r}, expected an integrator such as ocp.integrators.runge_kutta_4(1e-3)")
+    given = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
+    if not given:
+        return method
+    if not hasattr(method, "rtol"):
+        raise ValueError(f"{', '.join(given)}: {method!r} has no error control; its accuracy is that of its step")
+    check_components(given.get("atol", 1.0), nx)
+    check_tolerances(given.get("rtol", 1.0), given.get("atol", 1.0))
+    return replace(method, **given)  # type: ignore[type-var]

@@ -12,6 +12,7 @@ import numpy as np
 from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
+from ocp.structure import Structure
 
 Array = np.ndarray
 # Times outside the motion by less than this share of the duration are rounding.
@@ -66,6 +67,7 @@ class Solution:
     problem: Problem | None  # None if loaded from a file without it
     rung: str = "given guess"  # which first guess led here
     log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
+    structure: Structure | None = None  # switching structure of a polished solution
 
     @property
     def ok(self) -> bool:

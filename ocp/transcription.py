@@ -15,6 +15,7 @@ import numpy as np
 from ocp.assembly import Entry, Local, assemble
 from ocp.collocation import Control, Scheme
 from ocp.constraint import Where, simple
+from ocp.division import Condition, Division, Near
 from ocp.grid import Grid
 from ocp.layout import Layout, lay_out
 from ocp.problem import Fixed, Problem
@@ -29,7 +30,9 @@ Array = np.ndarray
 Block = tuple[Local, list[ca.MX]]  # a local function and its inputs, one column for each copy
 
 
-def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -> Programme:
+def transcribe(
+    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None
+) -> Programme:
     """Return the programme of a problem on a grid.
 
     Args:
@@ -37,38 +40,54 @@ def transcribe(problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling) -
         scheme: from radau, legendre, lobatto.
         grid: of [0, 1].
         scaling: magnitudes of the unknowns.
+        division: into arcs with durations of their own (the horizon must be Free); None for one arc.
     """
     system, n = problem.system, len(grid)
+    division = Division(np.zeros(n, dtype=int)) if division is None else division
     nx, nu = system.x.numel(), system.u.numel()
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
-    layout = lay_out(scheme, grid, nx, nu, not fixed, len(free))
+    layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     rows_d = np.arange(n * len(scheme.rate) * nx).reshape(n, len(scheme.rate), nx)
     counts = np.cumsum([rows_d.size, *(n * len(places) for places in tau)])
     rows_p = tuple(first + np.arange(n * len(t)).reshape(n, len(t)) for first, t in zip(counts, tau, strict=False))
     rows_e = counts[-1] + np.arange(len(ends_parts))
+    last = int(counts[-1]) + len(ends_parts)
+    rows_c = []
+    for condition in division.conditions:
+        shape = condition.expression.numel(), len(condition.elements) * len(condition.tau)
+        rows_c.append(last + np.arange(shape[0] * shape[1]).reshape(shape))
+        last += shape[0] * shape[1]
+    rows_t = np.full(0 if division.total is None else len(layout.horizon), last)
+    last += int(division.total is not None)
 
     s = ca.MX.sym("s", system.p.numel() + fixed + n)
     p, duration, widths = s[: system.p.numel()], s[system.p.numel() : system.p.numel() + fixed], s[-n:]
     inputs = _Inputs(p, duration, widths.T)
     symbols = _symbols(problem, layout, free, scaling)
-    places = _Places(scheme, layout)
+    places = _Places(scheme, layout, division.arc)
     path = symbols.physical(ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in path_parts)))
     blocks = [
         _at_points(problem, places, symbols, inputs, path, (rows_d, rows_p), tau),
         *_at_edges(places, symbols, inputs, path, rows_p, tau),
         _at_ends(problem, places, symbols, inputs, ends_parts, rows_e),
+        *(_at_chosen(places, symbols, inputs, c, r) for c, r in zip(division.conditions, rows_c, strict=True)),
+        *(_near(places, symbols, inputs, near) for near in division.near),
     ]
     price = problem.minimise.time
     time = layout.horizon, price * scaling.horizon, ca.sum1(duration) * price if fixed else ca.MX(0)
-    linear = _linear(scheme, layout, rows_d)
+    i, j, value = _linear(scheme, layout, rows_d)
+    linear = (
+        np.append(i, rows_t), np.append(j, layout.horizon[: len(rows_t)]),
+        np.append(value, np.full(len(rows_t), scaling.horizon)),
+    )  # fmt: skip
     z = ca.MX.sym("z", layout.size)
-    nlp, derivatives = assemble(layout.size, linear, int(counts[-1]) + len(ends_parts), time, blocks, z, s)
+    nlp, derivatives = assemble(layout.size, linear, last, time, blocks, z, s)
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
-        rows_d, rows_p, rows_e, path_parts, ends_parts,
+        rows_d, rows_p, rows_e, path_parts, ends_parts, tuple(rows_c), np.unique(rows_t),
     )  # fmt: skip
 
 
@@ -102,7 +121,7 @@ class _Symbols:
 
 def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) -> _Symbols:
     system, fixed = problem.system, int(isinstance(problem.horizon, Fixed))
-    shared = ca.SX.sym("shared", layout.horizon.size + len(free))
+    shared = ca.SX.sym("shared", 1 - fixed + len(free))
     p, given = ca.SX.sym("p", system.p.numel()), ca.SX.sym("T", fixed)
     parameters = ca.SX(p)
     for place, number in enumerate(free):
@@ -189,6 +208,29 @@ def _at_ends(
     return local, [inputs.p, inputs.duration]
 
 
+def _at_chosen(places: _Places, symbols: _Symbols, inputs: _Inputs, condition: Condition, rows: Array) -> Block:
+    """Return the function of a condition that holds at places of chosen elements."""
+    columns, count = places.chosen(condition.tau, condition.elements)
+    outputs = (symbols.physical(condition.expression) - condition.value) / condition.size
+    local = Local(
+        outputs, symbols.unknowns, (symbols.p, symbols.given), count, columns,
+        [[(row, np.ones(1))] for row in rows], np.zeros((outputs.numel(), count)),
+    )  # fmt: skip
+    return local, [ca.repmat(inputs.p, 1, count), ca.repmat(inputs.duration, 1, count)]
+
+
+def _near(places: _Places, symbols: _Symbols, inputs: _Inputs, near: Near) -> Block:
+    """Return the function of a price for leaving a reference."""
+    columns, count = places.chosen(near.tau, near.elements)
+    reference = ca.SX.sym("reference", len(near.controls))
+    u = (symbols.u * symbols.scaling.u)[near.controls.tolist()]
+    price = near.weight / 2.0 * symbols.width * symbols.duration * ca.sumsqr((u - reference) / near.size)
+    weights = np.repeat(near.shares, len(near.elements))[None, :]
+    local = Local(price, symbols.unknowns, (symbols.width, reference), count, columns, [[]], weights)
+    widths = inputs.widths[near.elements.tolist()]
+    return local, [ca.repmat(widths, 1, len(near.tau)), ca.MX(ca.DM(near.reference.T.tolist()))]
+
+
 def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
     """Return where a path constraint holds on an element: at its collocation points and at its ends.
 
@@ -208,6 +250,7 @@ class _Places:
 
     scheme: Scheme
     layout: Layout
+    arc: Array  # (N,) number of the arc of each element
 
     def columns(self, tau: list[float]) -> list[list[Entry]]:
         """Return the columns of [x; u; shared] for copies at tau_1 on all elements, then tau_2, and so on."""
@@ -220,8 +263,20 @@ class _Places:
             [(np.tile(layout.control[:, m, i], len(tau)), np.repeat(shape[:, m], n)) for m in range(shape.shape[1])]
             for i in range(nu)
         ]
-        shared = [[(np.full(n * len(tau), q), np.ones(1))] for q in (*layout.horizon, *layout.free)]
-        return [*states, *controls, *shared]
+        durations = [[(np.tile(layout.horizon[self.arc], len(tau)), np.ones(1))]] if len(layout.horizon) else []
+        shared = [[(np.full(n * len(tau), q), np.ones(1))] for q in layout.free]
+        return [*states, *controls, *durations, *shared]
+
+    def chosen(self, tau: tuple[float, ...], elements: Array) -> tuple[list[list[Entry]], int]:
+        """Return the columns for copies at tau_1 on chosen elements, then tau_2, and so on, and their number."""
+        n = len(self.layout.state)
+        kept = (np.arange(len(tau))[:, None] * n + elements).ravel()
+        every = n * len(tau)
+        columns = [
+            [(np.broadcast_to(q, every)[kept], np.broadcast_to(f, every)[kept]) for q, f in column]
+            for column in self.columns(list(tau))
+        ]
+        return columns, len(kept)
 
 
 def _rows_of_rate(scheme: Scheme, rows: Array) -> list[Entry]:

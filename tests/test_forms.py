@@ -262,5 +262,6 @@ def test_signals_sizes_and_units(name, form):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_frames_are_those_that_are_meant(name):
-    known = {"paper", "regular", "ldl", "udu"} | ({"arrow", "other_root"} if name.startswith("torus") else set())
+    known = {"paper", "regular", "ldl", "udu", "coordinate"}
+    known |= {"arrow", "other_root"} if name.startswith("torus") else set()
     assert set(frames_of(name)) == known - ({"paper"} if name == "cylinder_centred" else set())

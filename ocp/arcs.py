@@ -1,0 +1,309 @@
+"""A motion of given switching structure: the durations of its arcs are unknowns, controls at limits are pinned."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ocp.collocation import Scheme, lagrange_matrix, slope_matrix
+from ocp.constraint import Where
+from ocp.division import Condition, Division, Near
+from ocp.grid import Grid
+from ocp.guess import Guess, ends
+from ocp.ipopt import Answer, Ipopt, build, run
+from ocp.problem import Free, Problem
+from ocp.programme import Programme, bounds, pack
+from ocp.scaling import from_limits
+from ocp.statelimit import StateLimit
+from ocp.structure import Arc, Contact, Kind
+from ocp.transcription import free_parameters, transcribe
+
+Array = np.ndarray
+LEAST = 1e-9  # duration of an arc below which it counts as vanished, share of the whole
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """The multiplier eta of a state limit along an arc."""
+
+    arc: int
+    contact: Contact
+    values: Array  # (e, d) at the points of the elements of the arc [cost/s per unit of the limit]
+
+
+@dataclass(frozen=True)
+class Jump:
+    """The jump of the costate along the gradient of a state limit, before minus after."""
+
+    arc: int  # at whose start it happens
+    contact: Contact
+    size: float  # [cost per unit of the limit]
+
+
+@dataclass(frozen=True, eq=False)
+class ArcMotion:
+    """A solved motion of given structure.
+
+    Args:
+        arcs: with the durations found.
+        answer: of the solver.
+        grid: of the whole motion.
+        arc: (N,) number of the arc of each element.
+        states, controls, costates: (N, m, nx), (N, d, nu), (N, d, nx); costates of the problem with its state limits
+            adjoined directly, lambda = dJ/dx.
+        pressures: multipliers of the limits that are held.
+        jumps: at entries, exits and touches.
+        free: values of the free parameters.
+        setup: seconds.
+    """
+
+    arcs: tuple[Arc, ...]
+    answer: Answer
+    grid: Grid
+    arc: Array
+    states: Array
+    controls: Array
+    costates: Array
+    pressures: tuple[Pressure, ...]
+    jumps: tuple[Jump, ...]
+    free: Array
+    setup: float
+    price: float  # of the distance of undetermined controls from those of the guess, part of the answer's cost
+
+    @property
+    def duration(self) -> float:
+        """Sum of the durations [s]."""
+        return sum(arc.duration for arc in self.arcs)
+
+
+def solve_arcs(
+    problem: Problem,
+    limits: tuple[StateLimit, ...],
+    arcs: tuple[Arc, ...],
+    elements: tuple[int, ...],
+    scheme: Scheme,
+    guess: Guess,
+    values: Mapping[str, float],
+    settings: Ipopt,
+    weight: float = 0.0,
+) -> ArcMotion:
+    """Solve a problem for a given structure, from a guess of the motion.
+
+    Args:
+        problem: a Problem.
+        limits: its state limits.
+        arcs: the structure, with guessed durations.
+        elements: number of elements of each arc.
+        scheme: with collocated control.
+        guess: of the motion.
+        values: of the parameters, by name.
+        settings: of IPOPT.
+        weight: [cost/s] of the distance of undetermined controls from those of the guess (see `undetermined`).
+
+    Source: index reduction on state-limited arcs: D. H. Jacobson, M. M. Lele, J. L. Speyer, New necessary conditions of
+        optimality for control problems with state-variable inequality constraints, J. Math. Anal. Appl. 35, 1971.
+    """
+    begun = time.perf_counter()
+    numbers = problem.system.values(values)
+    arc = np.repeat(np.arange(len(arcs)), elements)
+    widths = 1.0 / np.repeat(elements, elements)
+    durations = np.array([a.duration for a in arcs])
+    grid = _grid(durations, arc, widths)
+    freed = replace(problem, horizon=Free(guess=float(durations.sum())))
+    scaling = from_limits(freed, guess, numbers, free_parameters(freed))
+    ties = _ties(problem, limits, arcs, arc, scheme, numbers)
+    total = None if isinstance(problem.horizon, Free) else problem.horizon.duration
+    near = _near(problem, arcs, arc, scheme, guess, grid, weight)
+    division = Division(arc, tuple(tie.condition for tie in ties), total, near)
+    programme = transcribe(freed, scheme, grid, scaling, division)
+    low, high, rows_low, rows_high = _pinned(problem, programme, arcs, limits, division)
+    z0 = pack(programme, guess, numbers)
+    z0[programme.layout.horizon] = durations / scaling.horizon
+    solver = build(programme.nlp, programme.derivatives, settings, warm=False)
+    setup = time.perf_counter() - begun
+    answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), (low, high, rows_low, rows_high))
+    layout = programme.layout
+    found = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
+    done = tuple(replace(a, duration=float(t)) for a, t in zip(arcs, found, strict=True))
+    states, controls = answer.z[layout.state] * scaling.x, answer.z[layout.control] * scaling.u
+    free = answer.z[layout.free] * scaling.free
+    parameters = np.array(numbers)
+    parameters[programme.free] = free
+    mu = answer.multipliers[programme.defects]
+    costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
+    grid = _grid(found, arc, widths)
+    pressures, jumps = _direct(problem, limits, ties, programme, answer, (states, controls, costates), grid, parameters)
+    seconds = grid.widths * found.sum()
+    price = sum(
+        float(np.sum(
+            n.weight / 2.0 * np.repeat(n.shares, len(n.elements)) * np.tile(seconds[n.elements], len(n.tau))
+            * np.sum(((_by_place(controls, n) - n.reference) / n.size) ** 2, axis=1)
+        )) for n in near
+    )  # fmt: skip
+    return ArcMotion(done, answer, grid, arc, states, controls, costates, pressures, jumps, free, setup, price)
+
+
+def undetermined(problem: Problem) -> Array:
+    """Return the numbers of the controls that the Hamiltonian is linear in: between limits they are singular."""
+    system = problem.system
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
+    curvature = ca.hessian(hamiltonian, system.u)[0]
+    return np.array([i for i in range(system.u.numel()) if ca.SX(curvature[i, i]).is_zero()], dtype=int)
+
+
+def _near(
+    problem: Problem, arcs: tuple[Arc, ...], arc: Array, scheme: Scheme, guess: Guess, grid: Grid, weight: float
+) -> tuple[Near, ...]:
+    """Return the prices that keep undetermined controls near those of the guess."""
+    singular, system = undetermined(problem), problem.system
+    low, high = problem.limits(Where.ALONG, system.u)
+    found = []
+    for k, a in enumerate(arcs if weight > 0.0 else ()):
+        chosen = np.array([i for i in singular if a.kinds[i] is Kind.INTERIOR], dtype=int)
+        if len(chosen) == 0:
+            continue
+        own = np.flatnonzero(arc == k)
+        share = grid.ends[own] + scheme.points[:, None] * grid.widths[own]
+        reference = guess.control(share.ravel())[:, chosen]
+        size = np.where(np.isfinite(high - low), high - low, 1.0)[chosen]
+        found.append(Near(chosen, reference, size, weight, own, tuple(scheme.points), scheme.weights))
+    return tuple(found)
+
+
+def _by_place(controls: Array, near: Near) -> Array:
+    """Return controls (N, d, nu) in the order of a reference (places * elements, m)."""
+    own = controls[near.elements][:, :, near.controls]
+    return np.asarray(own.transpose(1, 0, 2).reshape(-1, len(near.controls)))
+
+
+def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
+    """Return the grid of the whole motion; vanished arcs keep a width, as a grid increases."""
+    seconds = np.append(0.0, np.cumsum(np.maximum(durations, LEAST * durations.sum())[arc] * widths))
+    share = seconds / seconds[-1]
+    share[-1] = 1.0
+    return Grid(share)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tie:
+    """A condition of an arc: that a limit is held along it, or met at its start."""
+
+    condition: Condition
+    arc: int
+    contact: Contact
+    along: bool
+
+
+def _ties(
+    problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, ...], arc: Array, scheme: Scheme,
+    numbers: list[float],
+) -> list[_Tie]:  # fmt: skip
+    """Return the conditions of held and touched limits."""
+    _, _, (start_known, _) = ends(problem, ca.DM(numbers))
+    total = sum(a.duration for a in arcs)
+    ties: list[_Tie] = []
+
+    def met(k: int, contact: Contact, count: int) -> _Tie:
+        limit, value = limits[contact.limit], np.zeros(count)
+        value[0] = limit.at(contact.side)
+        size = limit.range / total ** np.arange(count)
+        first = np.flatnonzero(arc == k)[:1]
+        return _Tie(Condition(ca.vertcat(*limit.chain[:count]), value, size, first, (0.0,)), k, contact, False)
+
+    for k, a in enumerate(arcs):
+        before = {(c.limit, c.side) for c in arcs[k - 1].held} if k else set()
+        for contact in a.held:
+            limit = limits[contact.limit]
+            value = np.zeros(1) if limit.order else np.array([limit.at(contact.side)])
+            size, own = np.array([limit.range / total**limit.order]), np.flatnonzero(arc == k)
+            ties.append(_Tie(Condition(limit.chain[-1], value, size, own, tuple(scheme.points)), k, contact, True))
+            if limit.order and (contact.limit, contact.side) not in before and not (k == 0 and start_known):
+                ties.append(met(k, contact, limit.order))
+        ties += [met(k, contact, min(limits[contact.limit].order, 2)) for contact in a.touched]
+    return ties
+
+
+def _pinned(
+    problem: Problem, programme: Programme, arcs: tuple[Arc, ...], limits: tuple[StateLimit, ...], division: Division
+) -> tuple[Array, Array, Array, Array]:
+    """Return the bounds with controls pinned, and without the limits that conditions hold already."""
+    low, high, rows_low, rows_high = bounds(programme)
+    layout = programme.layout
+    lower, upper = (side / programme.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
+    low[layout.horizon], high[layout.horizon] = 0.0, np.inf
+    rows_low[programme.total] = rows_high[programme.total] = division.total
+    rows = {part: place for place, part in enumerate(programme.path_parts)}
+    known = np.append(layout.state[0, 0], layout.state[-1, -1])  # conditions at the ends of the motion stay
+    for k, a in enumerate(arcs):
+        own = np.flatnonzero(division.arc == k)
+        for i, kind in enumerate(a.kinds):
+            if kind in (Kind.LOWER, Kind.UPPER):
+                pinned = layout.control[own, :, i]
+                low[pinned] = high[pinned] = lower[i] if kind is Kind.LOWER else upper[i]
+        for contact in (*a.held, *a.touched):
+            limit = limits[contact.limit]
+            along = contact in a.held
+            if limit.state >= 0:
+                chosen = layout.state[own, :, limit.state] if along else layout.state[own[:1], :1, limit.state]
+                chosen = np.setdiff1d(chosen, known)
+                low[chosen], high[chosen] = -np.inf, np.inf
+            elif along:
+                chosen = programme.path[rows[limit.constraint, limit.component]][own]
+                rows_low[chosen], rows_high[chosen] = -np.inf, np.inf
+    return low, high, rows_low, rows_high
+
+
+def _direct(
+    problem: Problem, limits: tuple[StateLimit, ...], ties: list[_Tie], programme: Programme, answer: Answer,
+    motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
+) -> tuple[tuple[Pressure, ...], tuple[Jump, ...]]:  # fmt: skip
+    """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.
+
+    lambda = lambda_r + sum_k (-1)^k mu^(k) grad c^(r - 1 - k),  eta = (-1)^r mu^(r)
+
+    with the multiplier mu of c^(r) = 0; eta >= 0 and jumps >= 0 at an upper limit of an optimal motion.
+    """
+    system, scheme = problem.system, programme.scheme
+    states, controls, costates = motion
+    seconds = grid.widths * sum(answer.z[programme.layout.horizon]) * programme.scaling.horizon
+    at_points = list(scheme.at)
+    pressures: list[Pressure] = []
+    jumps: list[Jump] = []
+    entering: dict[tuple[int, Contact], float] = {}
+    leaving: dict[tuple[int, Contact], float] = {}
+    edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
+    for tie, rows in zip(ties, programme.conditions, strict=True):
+        limit, own = limits[tie.contact.limit], tie.condition.elements
+        if not tie.along:
+            continue
+        h = seconds[own][:, None]
+        raw = answer.multipliers[rows[0]].reshape(scheme.degree, len(own)).T
+        rates = [raw / tie.condition.size[0] / (scheme.weights * h)]
+        for _ in range(limit.order):
+            rates.append(rates[-1] @ slope_matrix(scheme.points, scheme.points).T / h)
+        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
+        if limit.order:
+            function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
+            x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
+            found = function.map(len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
+            for k in range(limit.order):
+                gradient = np.array(found[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
+                costates[own] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[own].shape)
+            # What the last derivative but one is at both ends of the arc is part of the jumps there.
+            last = (-1) ** (limit.order - 1) * rates[limit.order - 1]
+            entering[tie.arc, tie.contact] = float(edges[0] @ last[0])
+            leaving[tie.arc, tie.contact] = float(edges[1] @ last[-1])
+        pressures.append(Pressure(tie.arc, tie.contact, (-1) ** limit.order * rates[-1]))
+    for tie, rows in zip(ties, programme.conditions, strict=True):
+        if not tie.along:
+            push = float(answer.multipliers[rows[0, 0]] / tie.condition.size[0])
+            jumps.append(Jump(tie.arc, tie.contact, push - entering.get((tie.arc, tie.contact), 0.0)))
+    for (k, contact), size in leaving.items():
+        # A limit that the next arc goes on holding has one jump there, the difference of both sides.
+        jumps.append(Jump(k + 1, contact, size - entering.get((k + 1, contact), 0.0)))
+    return tuple(pressures), tuple(jumps)

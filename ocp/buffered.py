@@ -1,0 +1,29 @@
+"""Evaluation of a CasADi function on numpy arrays without copies."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+Array = np.ndarray
+
+
+class Evaluation:
+    """One CasADi function with dense inputs and outputs, and the memory it reads and writes.
+
+    Args:
+        function: with dense inputs and outputs.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]  # column by column
+        self.outputs = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
+        # The buffer keeps bare pointers: it, the function and the arrays must live as long as the call.
+        self._function = function
+        self._buffer, self.call = function.buffer()
+        for i, array in enumerate(self.inputs):
+            if array.size:
+                self._buffer.set_arg(i, memoryview(array))  # type: ignore[arg-type,call-arg]
+        for i, array in enumerate(self.outputs):
+            if array.size:
+                self._buffer.set_res(i, memoryview(array))  # type: ignore[arg-type,call-arg]

@@ -1,0 +1,127 @@
+"""Integration with steps of one width; the loop over the steps runs in compiled code."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.buffered import Evaluation
+from ocp.method import Array, Passage, check_step, stopped
+from ocp.newton import ACCEPTED
+from ocp.piece import Piece
+from ocp.rule import Rule
+from ocp.system import System
+
+BATCHES = (16, 128, 1024, 4096)  # steps in one call
+
+
+@dataclass(frozen=True)
+class FixedStep:
+    """A one-step method with steps of one width.
+
+    Between two stops (reported times, jumps of the control) all steps are equal, and as long as `step` allows: report
+    at multiples of it if every step shall have the same width.
+
+    Args:
+        rule: the one-step method.
+        step: longest step [s].
+
+    Raises:
+        ValueError: a step that is not a finite number > 0.
+    """
+
+    rule: Rule
+    step: float
+
+    def __post_init__(self) -> None:
+        check_step(self.step)
+
+    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
+        schedule = _Schedule.of(pieces, self.step)
+        n = next((size for size in BATCHES if size >= len(schedule.starts)), BATCHES[-1])
+        run = Evaluation(batch(self.rule, system, n))
+        xs = np.full((len(schedule.ends), len(x0)), np.nan)
+        x, evaluations = x0, 0
+        # Columns lie one after the other: a row of these is a step.
+        states, changes, counts = run.outputs[0].reshape(n, len(x0)), run.outputs[1], run.outputs[2]
+        run.inputs[3][:] = np.tile(np.array(parameters, dtype=float), n)
+        for first in range(0, len(schedule.starts), n):
+            run.inputs[0][:] = x
+            run.inputs[1][:], run.inputs[2][:] = schedule.steps(first, n, self.rule.places, system.u.numel())
+            for output in run.outputs:
+                output[:] = np.nan  # should the evaluation itself break off
+            run.call()
+            steps = min(n, len(schedule.starts) - first)
+            bad = ~(np.all(np.isfinite(states), axis=1) & (changes <= ACCEPTED))[:steps]
+            good = int(np.argmax(bad)) if np.any(bad) else steps
+            rows = slice(*np.searchsorted(schedule.ends, [first, first + good]))
+            xs[rows] = states[schedule.ends[rows] - first]
+            evaluations += int(np.nansum(counts[: min(good + 1, steps)]))
+            if good < steps:
+                diverged = np.isfinite(changes[good]) and changes[good] > ACCEPTED
+                reason = "the iteration for an implicit step did not converge; take a smaller step"
+                message = stopped(schedule.starts[first + good], reason if diverged else "f is not finite")
+                return Passage(xs, message, evaluations)
+            x = states[steps - 1].copy()
+        return Passage(xs, "", evaluations)
+
+
+@dataclass(frozen=True, eq=False)
+class _Schedule:
+    """All steps of a motion."""
+
+    pieces: Sequence[Piece]
+    starts: Array  # (N,) [s]
+    widths: Array  # (N,) [s]
+    ends: Array  # (S,) the step that ends at each stop
+    begins: Array  # (pieces,) the first step of each piece
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece], step: float) -> _Schedule:
+        """Divide every interval between stops into equal steps."""
+        from_ = np.concatenate([piece.stops[:-1] for piece in pieces] or [np.zeros(0)])
+        gaps = np.concatenate([np.diff(piece.stops) for piece in pieces] or [np.zeros(0)])
+        # A quotient that exceeds a whole number by rounding only does not cost a step more.
+        counts = np.maximum(np.ceil(gaps / step * (1.0 - 1e-12) - 1e-9), 1).astype(int)
+        ends = np.cumsum(counts) - 1
+        within = np.arange(counts.sum()) - np.repeat(ends + 1 - counts, counts)
+        widths = np.repeat(gaps / counts, counts)
+        starts = np.repeat(from_, counts) + within * widths
+        stops = np.cumsum([0, *(len(piece.stops) - 1 for piece in pieces)])[:-1]
+        begins = (ends + 1 - counts)[stops] if len(pieces) else np.zeros(0, dtype=int)
+        return cls(pieces, starts, widths, ends, begins)
+
+    def steps(self, first: int, n: int, places: Array, nu: int) -> tuple[Array, Array]:
+        """Return widths (n,) and controls (n s nu,) of n steps; those beyond the end have no width."""
+        last = min(first + n, len(self.starts))
+        widths, u = np.zeros(n), np.zeros((n, len(places), nu))
+        widths[: last - first] = self.widths[first:last]
+        k = int(np.searchsorted(self.begins, first, side="right")) - 1
+        at = first
+        while at < last and nu:
+            until = min(last, self.begins[k + 1] if k + 1 < len(self.begins) else last)
+            times = self.starts[at:until, None] + self.widths[at:until, None] * places
+            u[at - first : until - first] = self.pieces[k].control.sample(times.ravel()).reshape(*times.shape, nu)
+            at, k = until, k + 1
+        return widths, u.ravel()
+
+
+@functools.lru_cache(maxsize=32)
+def batch(rule: Rule, system: System, n: int) -> ca.Function:
+    """Return the function (x, h, u, p) -> (states, changes, evaluations) of n steps, one column for each.
+
+    Args:
+        rule: the one-step method.
+        system: x' = f(x, u, p).
+        n: number of steps.
+    """
+    step = rule.step(system)
+    given = [ca.MX.sym(name, *step.size_in(i)) for i, name in enumerate("xhup")]
+    new, _, change, evaluations = step.call(given)
+    kept = [ca.densify(part) for part in (new, change, evaluations)]
+    return ca.Function("one", given, kept).mapaccum(n)
