@@ -17,7 +17,7 @@ def multiply(band: Array, x: Array) -> Array:
         band: (K, h + 1) lower band, band[i, d] = A_i,i-d.
         x: (K, ...).
     """
-    result = band[:, 0].reshape(-1, *[1] * (x.ndim - 1)) * x
+    result: Array = band[:, 0].reshape(-1, *[1] * (x.ndim - 1)) * x
     for d in range(1, band.shape[1]):
         entries = band[d:, d].reshape(-1, *[1] * (x.ndim - 1))
         result[d:] += entries * x[:-d]

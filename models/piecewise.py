@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import numpy as np
 Array = np.ndarray
 # A derivative counts as continuous if it jumps by less than this share of its size.
 CONTINUOUS = 1e-7
+DENSE = 1000  # times of a motion that has none of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,3 +90,18 @@ def hermite(times: Array, values: Array) -> Piecewise:
     known = np.concatenate([values[:-1] * powers, values[1:] * powers], axis=1)
     in_unit = np.einsum("ij,kjn->kin", np.linalg.inv(ends), known)
     return Piecewise(times, in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None])
+
+
+def dense(breaks: Array) -> Array:
+    """Return times that show every piece from its start to its end, the end seen from inside.
+
+    Args:
+        breaks: (M + 1,) increasing [s].
+    """
+    span = breaks[-1] - breaks[0]
+    parts = [breaks[-1:]]
+    for first, last in itertools.pairwise(breaks):
+        inside = np.linspace(first, last, max(3, math.ceil(DENSE * (last - first) / span)) + 1)
+        inside[-1] = np.nextafter(last, first)
+        parts.append(inside)
+    return np.unique(np.concatenate(parts))

@@ -152,7 +152,10 @@ def _scaled(first: Array, step: Array, switches: tuple[Array, Array], duration: 
         full = np.append(state, top)
         coefficients[k] = full / [math.factorial(j) for j in range(orders + 1)]
         state = np.array(
-            [sum(full[i] * width ** (i - j) / math.factorial(i - j) for i in range(j, orders + 1)) for j in range(orders)]
+            [
+                sum(full[i] * width ** (i - j) / math.factorial(i - j) for i in range(j, orders + 1))
+                for j in range(orders)
+            ]
         )
     result = coefficients[:, :, None] * step
     result[:, 0] += first

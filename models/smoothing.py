@@ -9,6 +9,7 @@ import numpy as np
 from models.bands import factorise, multiply
 from models.piecewise import Array, Piecewise
 from models.splines import as_piecewise, basis_rows
+from ocp.system import Label
 
 DEGREE = 5
 PENALISED = 3  # order of the derivative whose square is penalised: the jerk
@@ -20,6 +21,7 @@ TRIALS = 9  # strengths compared at once
 DECADES = (-8.0, 11.0)
 NEIGHBOURHOOD = (-4.0, 0.8)  # decades, once coarser knots have given a first answer
 ENOUGH = 0.1  # decades; the likelihood is flat around its maximum
+ALL = 0.99  # share of the samples; a fit with more degrees of freedom has no noise left
 # The residual of a fit never counts as smaller than this share of the range of the samples.
 ROUNDING = 1e-14
 
@@ -40,6 +42,7 @@ class Smoothed:
     knots: Array  # of the B-splines, in units of `unit` since the first sample
     unit: float  # [s]
     inverse: Array  # (n, K, 6) band of (N'N + lambda Omega)^-1
+    samples: int
 
     def covariance(self, t: Array) -> Array:
         """Return the covariance (len(t), n, 3, 3) of position, velocity and acceleration at times t [s].
@@ -55,6 +58,14 @@ class Smoothed:
         local = self.inverse[:, columns[:, higher], apart]  # (n, K, 6, 6)
         found = np.einsum("kai,nkij,kbj->knab", rows, local, rows, optimize=True)
         return np.asarray(found * self.noise[:, None, None] ** 2)
+
+    def notes(self, labels: tuple[Label, ...]) -> list[str]:
+        """Say which coordinates have a noise that cannot be told from the motion."""
+        return [
+            f"{label.name}: the spline follows every sample, so that its noise cannot be told from the motion; give it"
+            for label, free in zip(labels, self.freedom, strict=True)
+            if free > ALL * self.samples
+        ]
 
 
 def smooth(t: Array, y: Array, noise: Array | None) -> Smoothed:
@@ -174,14 +185,14 @@ class _Fit:
         rest = len(self.t) - PENALISED
         fit = rest * np.log(squares) if noise is None else squares / noise[:, None] ** 2
         rank = len(self.knots) - DEGREE - 1 - PENALISED
-        return fit + factors.log_determinant.reshape(n, trials) - rank * np.log(strengths)
+        return np.asarray(fit + factors.log_determinant.reshape(n, trials) - rank * np.log(strengths))
 
     def _bent(self) -> Array:
         """Return Omega times the first coefficients, (K, n)."""
         return _moments(self.jerks, _values(self.jerks, self.first), len(self.first))
 
     def _floor(self) -> Array:
-        return (ROUNDING * (np.max(np.abs(self.y), axis=0) + 1e-300)) ** 2
+        return np.asarray((ROUNDING * (np.max(np.abs(self.y), axis=0) + 1e-300)) ** 2)
 
     def result(self, strength: Array, noise: Array | None) -> Smoothed:
         """Return the spline of the chosen strengths (n,) [s^5]."""
@@ -201,16 +212,16 @@ class _Fit:
         powers = self.unit ** np.arange(DEGREE + 1)
         curve = Piecewise(self.t[0] + spline.breaks * self.unit, spline.coefficients / powers[:, None])
         size = np.sqrt(squares / len(self.t))
-        return Smoothed(curve, noise, size, strength, freedom, self.knots, self.unit, inverse)
+        return Smoothed(curve, noise, size, strength, freedom, self.knots, self.unit, inverse, len(self.t))
 
 
 def _values(rows: tuple[Array, Array], coefficients: Array) -> Array:
     """Return the rows times coefficients (K, n)."""
     columns, values = rows
-    return sum(
-        (values[:, i, None] * coefficients[columns[:, i]] for i in range(1, values.shape[1])),
-        values[:, 0, None] * coefficients[columns[:, 0]],
-    )
+    total: Array = values[:, 0, None] * coefficients[columns[:, 0]]
+    for i in range(1, values.shape[1]):
+        total += values[:, i, None] * coefficients[columns[:, i]]
+    return total
 
 
 def _gram(rows: tuple[Array, Array], size: int) -> Array:

@@ -88,7 +88,14 @@ def interpolate(times: Array, points: Array, degree: int, ends: Ends) -> Piecewi
     rows = [value_rows, *condition_rows]
     matrix = _sparse(rows, len(knots) - degree - 1)
     right = np.vstack([points, *condition_values])
-    spline = as_piecewise(knots, degree, np.array(ca.solve(matrix, ca.DM(right), "qr")).reshape(len(right), n))
+    try:
+        solved = ca.solve(matrix, ca.DM(right), "qr")
+    except RuntimeError:
+        raise ValueError(
+            f"{len(times)} points and these end conditions do not fix a spline of degree {degree}; take a lower degree "
+            "or other ends"
+        ) from None
+    spline = as_piecewise(knots, degree, np.array(solved).reshape(len(right), n))
     powers = unit ** np.arange(degree + 1)
     return Piecewise(times, spline.coefficients / powers[:, None])
 
@@ -148,3 +155,32 @@ def _sparse(rows: Sequence[tuple[Array, Array]], size: int) -> ca.DM:
         count += len(columns)
     at, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
     return ca.DM.triplet(at.tolist(), columns.tolist(), ca.DM(values), count, size)
+
+
+def accelerations(times: Array, q: Array, v: Array) -> Array:
+    """Return the accelerations (K, n) that make the quintic Hermite spline through q and v continuous in its jerk.
+
+    The jerk vanishes at both ends.
+
+    Args:
+        times: (K,) increasing [s].
+        q, v: (K, n) positions and velocities at the times.
+
+    Source: H. Spaeth, One Dimensional Spline Interpolation Algorithms, 5 (quintic splines with given slopes).
+    """
+    h = np.diff(times)[:, None]
+    step = np.diff(q, axis=0)
+    # jerk h^2 at the left and the right end of a piece, without its part from the accelerations
+    left = (60.0 * step / h - (36.0 * v[:-1] + 24.0 * v[1:])) / h
+    right = (60.0 * step / h - (24.0 * v[:-1] + 36.0 * v[1:])) / h
+    count = len(times)
+    diagonal, beside, known = np.zeros(count), -3.0 / h[:, 0], np.zeros_like(q)
+    diagonal[:-1] += 9.0 / h[:, 0]
+    diagonal[1:] += 9.0 / h[:, 0]
+    known[:-1] += left / h
+    known[1:] -= right / h
+    i = np.arange(count)
+    rows, columns = np.concatenate([i, i[1:], i[:-1]]), np.concatenate([i, i[:-1], i[1:]])
+    entries = ca.DM(np.concatenate([diagonal, beside, beside]))
+    matrix = ca.DM.triplet(rows.tolist(), columns.tolist(), entries, count, count)
+    return np.array(ca.solve(matrix, ca.DM(known), "qr")).reshape(q.shape)
