@@ -9,9 +9,9 @@ import numpy as np
 
 from models.frames import Frame, fixed, ldl, udu
 from models.inertia import check_mass, check_moment
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, lists_its_parameters, read, unit_of
-from models.placements import NEAR, TINY, Array, Placements, wrapped
 
 
 @lists_its_parameters
@@ -119,7 +119,7 @@ def cylindrical(
     )
 
 
-def _inverse(offset: float, beyond: float, points: Array) -> Placements:
+def _inverse(offset: float, beyond: float, points: Array) -> Configurations:
     """Return all q with the tool at points (K, 3): (A, r + l_T) turned by phi is (x, y), and xi = z."""
     x, y, z = points.T
     distance = np.hypot(x, y)
@@ -131,7 +131,7 @@ def _inverse(offset: float, beyond: float, points: Array) -> Placements:
     for side in (along, -along):
         phi = np.where(free, np.nan, wrapped(np.arctan2(y, x) - np.arctan2(side, offset)))
         solutions.append(np.stack([phi, z, side - beyond], axis=1))
-    return Placements(
+    return Configurations(
         np.stack(solutions, axis=1),
         ("tool ahead of the axis, r + l_T >= 0", "tool behind the axis, r + l_T <= 0"),
         {"nearer to the vertical axis than the offset A": square < -TINY * scale**2},

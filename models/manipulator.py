@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from models.frames import Frame
-from models.placements import Inverse
+from models.inverse_kinematics import Inverse
 
 
 @dataclass(frozen=True)

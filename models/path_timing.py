@@ -33,7 +33,7 @@ def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | N
     Raises:
         ValueError: fewer than two waypoints, or two in succession are the same.
     """
-    rows = [points(f"waypoint {k}", row) for k, row in enumerate(np.atleast_1d(waypoints), 1)]  # type: ignore[arg-type]
+    rows = [points(f"waypoint {k}", row) for k, row in enumerate(np.atleast_1d(np.asarray(waypoints)), 1)]
     if len(rows) < 2 or len({len(row) for row in rows}) != 1:
         raise ValueError("waypoints: expected at least two, with as many coordinates each")
     q = np.stack(rows)

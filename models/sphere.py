@@ -10,9 +10,9 @@ import numpy as np
 from models.cylinder import about_axis
 from models.frames import Frame, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, lists_its_parameters, read, unit_of
-from models.placements import NEAR, TINY, Array, Placements
 
 
 @lists_its_parameters
@@ -144,7 +144,7 @@ def spherical(
     )
 
 
-def _inverse(beyond: float, points: Array) -> Placements:
+def _inverse(beyond: float, points: Array) -> Configurations:
     """Return all q with the tool at points (K, 3) = (r + l_T) n(theta, psi); phi is free."""
     x, y, z = points.T
     across, reach = np.hypot(x, y), np.linalg.norm(points, axis=1)
@@ -158,7 +158,7 @@ def _inverse(beyond: float, points: Array) -> Placements:
             theta = np.where(centre, np.nan, tilt * np.arctan2(across, side * z))
             psi = np.where(vertical, np.nan, np.arctan2(-side * tilt * x, side * tilt * y))
             solutions.append(np.stack([theta, psi, free, side * reach - beyond], axis=1))
-    return Placements(
+    return Configurations(
         np.stack(solutions, axis=1),
         tuple(branches),
         {},

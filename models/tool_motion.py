@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from models.composition import Composed, check_law
+from models.inverse_kinematics import Configurations, Inverse, continuous, wrapped
 from models.manipulator import Manipulator
 from models.motion import Motion, labels_of
 from models.piecewise import Array
-from models.placements import Inverse, Placements, continuous, wrapped
 from models.sampling import evaluate
 from models.tool_path import ToolPath
 
@@ -88,18 +88,18 @@ def along_tool_path(
     tool = Composed(path, law)
     grid = np.unique(np.concatenate([np.linspace(law.start, law.end, FINE), law.times]))
     points = tool(grid, 0)
-    placements = machine.inverse(points)
-    lost = np.flatnonzero(~placements.reachable)
+    configurations = machine.inverse(points)
+    lost = np.flatnonzero(~configurations.reachable)
     if len(lost):
         k = int(lost[0])
-        raise ValueError(f"{_where(points[k], grid[k])} cannot be reached: {placements.why(k)}")
-    redundant = [i for i in range(n) if np.all(np.isnan(placements.q[:, :, i])) and i not in _moving(machine)]
+        raise ValueError(f"{_where(points[k], grid[k])} cannot be reached: {configurations.why(k)}")
+    redundant = [i for i in range(n) if np.all(np.isnan(configurations.q[:, :, i])) and i not in _moving(machine)]
     held = _held(machine, redundant, hold or {})
     low, high = (np.full(n, -np.inf), np.full(n, np.inf)) if limits is None else (np.array(side) for side in limits)
     begin = None if near is None else np.array(near, dtype=float)
     if begin is not None and begin.shape != (n,):
         raise ValueError(f"near: {begin.size} numbers, {machine.name} has {n} coordinates")
-    chosen = continuous(placements, angular, begin, (low, high))
+    chosen = continuous(configurations, angular, begin, (low, high))
     for i, value in held.items():
         chosen[:, i] = value
     if not np.all(np.isfinite(chosen)):
@@ -107,15 +107,15 @@ def along_tool_path(
     step = np.max(np.abs(np.diff(chosen, axis=0)), axis=1)
     if np.max(step) > LEAP:
         k = int(np.argmax(step))
-        at = placements.singularities(k) or placements.singularities(k + 1) or ("no singularity",)
+        at = configurations.singularities(k) or configurations.singularities(k + 1) or ("no singularity",)
         raise ValueError(f"{_where(points[k], grid[k])}: every solution jumps there ({', '.join(at)})")
     active = tuple(i for i in range(n) if i not in held)
     curve = ToolCurve(tool, machine.inverse, angular, active, grid, chosen, _terms(machine, active))
-    _check_velocities(curve, placements, points)
+    _check_velocities(curve, configurations, points)
     return Motion(curve, law.start, law.end, labels_of(machine), min(law.smoothness, 3.0), law.breaks, law.times)
 
 
-def _check_velocities(curve: ToolCurve, placements: Placements, points: Array) -> None:
+def _check_velocities(curve: ToolCurve, configurations: Configurations, points: Array) -> None:
     """Refuse a path that asks for more than the Jacobian can give."""
     t = curve.grid
     q, v = curve(t, 0), curve(t, 1)
@@ -124,7 +124,7 @@ def _check_velocities(curve: ToolCurve, placements: Placements, points: Array) -
     missed = np.linalg.norm(np.einsum("kij,kj->ki", jacobian, v[:, curve.active]) - wanted, axis=1)
     k = int(np.argmax(missed))
     if missed[k] > OFF * (1e-6 + np.max(np.linalg.norm(wanted, axis=1))):
-        names = ", ".join(placements.singularities(k)) or "a singularity"
+        names = ", ".join(configurations.singularities(k)) or "a singularity"
         raise ValueError(f"{_where(points[k], t[k])} is singular ({names}), and the arm cannot follow its direction")
 
 

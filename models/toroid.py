@@ -11,9 +11,9 @@ import numpy as np
 from models.cylinder import about_axis
 from models.frames import Frame, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, Parameters, lists_its_parameters, read, unit_of
-from models.placements import NEAR, TINY, Array, Placements, wrapped
 
 
 @lists_its_parameters
@@ -125,7 +125,7 @@ def torus(
     )
 
 
-def _inverse(offset: float, inner: float, outer: float, points: Array) -> Placements:
+def _inverse(offset: float, inner: float, outer: float, points: Array) -> Configurations:
     """Return all q with the tool at points (K, 3): (h, B) turned by q1 is (x, y), and two links reach (h, z)."""
     x, y, z = points.T
     distance = np.hypot(x, y)
@@ -145,7 +145,7 @@ def _inverse(offset: float, inner: float, outer: float, points: Array) -> Placem
             q1 = np.where(on_axis, np.nan, wrapped(np.arctan2(y, x) - np.arctan2(offset, h)))
             q2 = wrapped(np.arctan2(z, h) - np.arctan2(outer * np.sin(q3), inner + outer * np.cos(q3)))
             solutions.append(np.stack([q1, np.where(at_shoulder, np.nan, q2), q3], axis=1))
-    return Placements(
+    return Configurations(
         np.stack(solutions, axis=1),
         ("ahead, q3 >= 0", "ahead, q3 <= 0", "behind, q3 >= 0", "behind, q3 <= 0"),
         {

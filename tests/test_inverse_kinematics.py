@@ -6,7 +6,7 @@ import pytest
 from machines import NAMES, evaluate, machine, states
 
 from models import Motion, cylindrical, spherical, torus
-from models.placements import wrapped
+from models.inverse_kinematics import wrapped
 from models.tool_motion import along_tool_path
 from models.tool_path import arc, line, sampled
 
@@ -17,12 +17,12 @@ def tool(arm, q):
     return evaluate([arm.q], [arm.tool], q.T)[0].T
 
 
-def reached(arm, points, placements):
+def reached(arm, points, configurations):
     """Return the largest error of the tool over all solutions, free coordinates at random, as share of the size."""
     size = 1.0 + np.linalg.norm(points, axis=1).max()
     worst = 0.0
-    for branch in range(placements.q.shape[1]):
-        q = placements.q[:, branch]
+    for branch in range(configurations.q.shape[1]):
+        q = configurations.q[:, branch]
         q = np.where(np.isnan(q), RNG.uniform(-np.pi, np.pi, q.shape), q)
         worst = max(worst, np.max(np.abs(tool(arm, q) - points)) / size)
     return worst
@@ -92,8 +92,8 @@ def test_points_out_of_reach_are_named(arm, point, reason):
 
 
 PATHS = {
-    "line": lambda x: line(x, x + [0.1, -0.25, 0.12]),
-    "arc": lambda x: arc(x, x + [0.1, -0.1, 0.1], x + [0.15, -0.3, 0.05]),
+    "line": lambda x: line(x, x + np.array([0.1, -0.25, 0.12])),
+    "arc": lambda x: arc(x, x + np.array([0.1, -0.1, 0.1]), x + np.array([0.15, -0.3, 0.05])),
     "sampled": lambda x: sampled(x + np.array([[0, 0, 0], [0.05, -0.06, 0], [0.1, -0.1, 0.06], [0.1, -0.2, 0.1]])),
 }
 

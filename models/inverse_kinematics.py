@@ -13,7 +13,7 @@ NEAR = 1e-6  # share within which a point counts as singular
 
 
 @dataclass(frozen=True, eq=False)
-class Placements:
+class Configurations:
     """All solutions of tool(q) = point for K points.
 
     A coordinate that may have any value is NaN. Rows of points that cannot be reached hold the nearest solution.
@@ -41,7 +41,7 @@ class Placements:
         return tuple(name for name, at in self.singular.items() if at[k])
 
 
-Inverse = Callable[[Array], Placements]  # points (K, 3) [m]
+Inverse = Callable[[Array], Configurations]  # points (K, 3) [m]
 
 
 def wrapped(angle: Array) -> Array:
@@ -49,14 +49,16 @@ def wrapped(angle: Array) -> Array:
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
 
 
-def continuous(placements: Placements, angular: Array, near: Array | None, limits: tuple[Array, Array]) -> Array:
+def continuous(
+    configurations: Configurations, angular: Array, near: Array | None, limits: tuple[Array, Array]
+) -> Array:
     """Return one solution for each point, so that the whole path turns as little as possible.
 
     The shortest path through the graph of all solutions, angles continued beyond pi; a coordinate that may have any
     value keeps the last one, at the beginning of the path the next one.
 
     Args:
-        placements: of the points of a path, in order.
+        configurations: of the points of a path, in order.
         angular: (n,) whether a coordinate is an angle.
         near: (n,) where the path should begin; None: where it is shortest.
         limits: lower and upper (n,) of the coordinates; a solution outside is left out.
@@ -66,10 +68,10 @@ def continuous(placements: Placements, angular: Array, near: Array | None, limit
 
     Source: G. D. Forney, The Viterbi algorithm, Proc. IEEE 61 (1973).
     """
-    q = _within(placements.q, angular, limits)
+    q = _within(configurations.q, angular, limits)
     count, branches, n = q.shape
     start = np.zeros(n) if near is None else near
-    cost = np.where(_lost(q[0], placements.q[0]), np.inf, 0.0)
+    cost = np.where(_lost(q[0], configurations.q[0]), np.inf, 0.0)
     if near is not None:
         cost = cost + np.linalg.norm(_step(q[0], start[None], angular), axis=-1)[:, 0] ** 2
     came = np.zeros((count, branches), dtype=int)
@@ -77,7 +79,7 @@ def continuous(placements: Placements, angular: Array, near: Array | None, limit
         move = np.linalg.norm(_step(q[k], q[k - 1], angular), axis=-1)  # (m now, m before)
         total = np.where(np.isinf(cost)[None], np.inf, move**2 + cost[None])
         came[k] = np.argmin(total, axis=1)
-        cost = np.where(_lost(q[k], placements.q[k]), np.inf, total[np.arange(branches), came[k]])
+        cost = np.where(_lost(q[k], configurations.q[k]), np.inf, total[np.arange(branches), came[k]])
         if not np.any(np.isfinite(cost)):
             return np.full((count, n), np.nan)
     place = int(np.argmin(cost))
