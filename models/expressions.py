@@ -12,7 +12,7 @@ import numpy as np
 from models.piecewise import Array
 from models.sampling import evaluate
 
-ORDERS = 4  # derivatives of order 0 .. 3 are formed
+ORDERS = 6  # derivatives of order 0 .. 5 are formed
 
 
 @dataclass(frozen=True, eq=False)

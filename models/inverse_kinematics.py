@@ -124,4 +124,4 @@ def _within(q: Array, angular: Array, limits: tuple[Array, Array]) -> Array:
 
 def _lost(q: Array, given: Array) -> Array:
     """Return which solutions (m,) were left out because of the limits."""
-    return np.all(np.isnan(q), axis=1) & ~np.all(np.isnan(given), axis=1)
+    return np.asarray(np.all(np.isnan(q), axis=1) & ~np.all(np.isnan(given), axis=1))

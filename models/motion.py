@@ -111,7 +111,7 @@ class Motion:
             raise ValueError("times: expected at least two increasing times")
         covariance = None if self.smoothed is None else self.smoothed.covariance
         return torque_table(
-            machine, effects, chosen, (self.q(chosen), self.v(chosen), self.a(chosen)), values=values,
+            machine, effects, chosen, self.derivative, smoothness=self.smoothness, values=values,
             covariance=covariance, limits=limits, notes=self.notes, progress=progress,
         )  # fmt: skip
 

@@ -9,14 +9,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from models.contributions import split_torques
 from models.loads import DriveLoad, Envelope, drive_load
 from models.manipulator import Manipulator
 from models.mechanics import assemble
 from models.piecewise import Array
 from models.sampling import CHUNK, Progress, evaluate
-from models.split import contributions
 from models.terms import Effect
-from models.torques import inverse_dynamics
+from models.torques import DERIVATIVES, drive_dynamics, inverse_dynamics
 
 Covariance = Callable[[Array], Array]  # times (K,) -> (K, n, 3, 3) of position, velocity, acceleration
 
@@ -33,6 +33,8 @@ class TorqueTable:
     machine: Manipulator
     effects: tuple[Effect, ...]
     parameters: Array  # values of the parameters that stay symbols
+    derivative: Callable[[Array, int], Array]  # times (K,), order -> (K, n) of the motion
+    smoothness: float = np.inf  # of the motion
     covariance: Covariance | None = None  # of q, v, a, if they come from noisy samples
     limits: tuple[Envelope, ...] = ()  # of the drives, or none
     notes: tuple[str, ...] = field(default=())
@@ -46,11 +48,10 @@ class TorqueTable:
     def split(self) -> dict[str, Array]:
         """Name of a contribution -> its torque (K, n); they add up to tau.
 
-        Inertia, Coriolis and centrifugal forces are those of the bare machine; every effect has one entry, what it
-        adds to the effects before it.
+        "inertia" and "coriolis" are those of the bare machine; every effect that acts on the joints has one entry.
         """
-        function = contributions(self.machine, self.effects)
-        found = evaluate(function, self.q, self.v, self.a, self.parameters)
+        function = split_torques(self.machine, self.effects)
+        found = evaluate(function, self.q, self.v, self.a, self.parameters, *_time(function, self.t))
         return dict(zip(function.name_out(), found, strict=True))
 
     @cached_property
@@ -70,14 +71,15 @@ class TorqueTable:
         if self.covariance is None:
             return None
         torques = inverse_dynamics(self.machine, self.effects)
-        q, v, a, p = (torques.sx_in(i) for i in range(4))
-        tau = torques(q, v, a, p)
-        slopes = ca.Function("slopes", [q, v, a, p], [ca.densify(ca.jacobian(tau, ca.vertcat(q, v, a)))])
+        inputs = torques.sx_in()
+        slope = ca.jacobian(torques(*inputs), ca.vertcat(*inputs[:3]))
+        slopes = ca.Function("slopes", inputs, [ca.densify(slope)])
         n = self.q.shape[1]
         result = np.empty_like(self.q)
         for start in range(0, len(self.t), CHUNK):
             part = slice(start, start + CHUNK)
-            (found,) = evaluate(slopes, self.q[part], self.v[part], self.a[part], self.parameters)
+            time = _time(torques, self.t[part])
+            (found,) = evaluate(slopes, self.q[part], self.v[part], self.a[part], self.parameters, *time)
             gradient = found.reshape(-1, 3, n, n)  # point, order, coordinate, torque
             variance = np.einsum("kbji,kjbc,kcji->ki", gradient, self.covariance(self.t[part]), gradient, optimize=True)
             result[part] = np.sqrt(np.maximum(variance, 0.0))
@@ -91,6 +93,24 @@ class TorqueTable:
             drive_load(f"tau_{c.name}", c.force_unit, self.t, self.v[:, i], self.tau[:, i], limit)
             for i, (c, limit) in enumerate(zip(self.machine.coordinates, limits, strict=True))
         )
+
+    @cached_property
+    def drives(self) -> dict[str, Array]:
+        """Name -> (K, n) what the drives need beside tau: motor_q, motor_v, motor_tau, current, voltage, command ...
+
+        Raises:
+            ValueError: the motion at one instant does not fix the drives, or it is not smooth enough for them.
+        """
+        function = drive_dynamics(self.machine, self.effects)
+        orders = [DERIVATIVES.index(name) for name in function.name_in() if name in DERIVATIVES]
+        if max(orders) - 1 > self.smoothness:
+            raise ValueError(
+                f"the drives need the {DERIVATIVES[max(orders)]} of the motion, but its "
+                f"{DERIVATIVES[int(self.smoothness) + 1]} jumps; use a smoother motion, such as a septic or a spline"
+            )
+        moved = [self.derivative(self.t, order) for order in orders]
+        found = evaluate(function, *moved, self.parameters, *_time(function, self.t))
+        return dict(zip(function.name_out()[1:], found[1:], strict=True))
 
     @property
     def header(self) -> list[str]:
@@ -124,20 +144,22 @@ def torque_table(
     machine: Manipulator,
     effects: Sequence[Effect],
     t: Array,
-    parts: tuple[Array, Array, Array],
+    derivative: Callable[[Array, int], Array],
     *,
+    smoothness: float = np.inf,
     values: dict[str, float] | None = None,
     covariance: Covariance | None = None,
     limits: Sequence[Envelope] = (),
     notes: tuple[str, ...] = (),
     progress: Progress | None = None,
 ) -> TorqueTable:
-    """Evaluate the inverse dynamics of q, v, a given at times t.
+    """Evaluate the inverse dynamics of a motion at times t.
 
     Args:
         machine, effects: as in `inverse_dynamics`.
         t: (K,) increasing [s].
-        parts: q, v, a, each (K, n).
+        derivative: of the motion, times (K,) and order -> (K, n).
+        smoothness: highest order whose derivative is continuous.
         values: of the parameters that stay symbols, by name; nominal where silent.
         covariance: of q, v, a.
         limits: one Envelope for each drive, or none.
@@ -149,14 +171,23 @@ def torque_table(
     """
     function = inverse_dynamics(machine, effects)
     n = len(machine.coordinates)
+    parts = tuple(derivative(t, order) for order in range(3))
     if parts[0].shape[1] != n:
         names = ", ".join(c.name for c in machine.coordinates)
         raise ValueError(f"the motion has {parts[0].shape[1]} coordinates, {machine.name} has {n} ({names})")
     if limits and len(limits) != n:
         raise ValueError(f"limits: {len(limits)} envelopes, {machine.name} has {n} drives")
     parameters = parameter_values(machine, effects, values or {})
-    (tau,) = evaluate(function, *parts, parameters, progress=progress)
-    return TorqueTable(t, *parts, tau, machine, tuple(effects), parameters, covariance, tuple(limits), notes)
+    (tau,) = evaluate(function, *parts, parameters, *_time(function, t), progress=progress)
+    q, v, a = parts
+    return TorqueTable(
+        t, q, v, a, tau, machine, tuple(effects), parameters, derivative, smoothness, covariance, tuple(limits), notes
+    )
+
+
+def _time(function: ca.Function, t: Array) -> tuple[Array, ...]:
+    """Return the times as a last input, for a function that has one because an effect changes with the time."""
+    return (t[:, None],) if "t" in function.name_in() else ()
 
 
 def parameter_values(machine: Manipulator, effects: Sequence[Effect], values: dict[str, float]) -> Array:
