@@ -96,7 +96,7 @@ def drive_load(name: str, unit: str, t: Array, v: Array, tau: Array, limit: Enve
     """
     step, span = np.diff(t), float(t[-1] - t[0])
     power = tau * v
-    motor, brake = positive_part(step, power), -positive_part(step, -power)
+    motor, brake = positive_part(step, power), 0.0 - positive_part(step, -power)
     # A piece on which tau is linear has this mean square exactly.
     squares = float(np.sum(step * (tau[:-1] ** 2 + tau[:-1] * tau[1:] + tau[1:] ** 2) / 3.0))
     rms = np.sqrt(squares / span)

@@ -22,7 +22,7 @@ from models.solution_curve import Recorded, SolutionCurve
 from models.splines import Ends, at_rest, interpolate
 from models.table_file import read_csv
 from models.terms import Effect
-from models.torque_table import TorqueTable, torque_table
+from models.torque_table import TorqueTable, tabulate
 from ocp.system import Label, System
 
 Curve = Callable[[Array, int], Array]  # times (K,), order of the derivative -> (K, n)
@@ -41,7 +41,8 @@ class Motion:
     smoothness: float  # highest order whose derivative is continuous; inf for smooth functions
     breaks: Array  # times at which a higher derivative jumps [s]
     times: Array  # at which the motion was given, or a dense set [s]
-    smoothed: Smoothed | None = None  # the smoothing spline, if the motion comes from samples
+    smoothed: Smoothed | None = None  # the smoothing spline, if the motion comes from noisy samples
+    samples: Array | None = None  # (K, n) positions recorded at the times, if it comes from samples
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -110,7 +111,7 @@ class Motion:
         if chosen.ndim != 1 or len(chosen) < 2 or not np.all(np.diff(chosen) > 0.0):
             raise ValueError("times: expected at least two increasing times")
         covariance = None if self.smoothed is None else self.smoothed.covariance
-        return torque_table(
+        return tabulate(
             machine, effects, chosen, self.derivative, smoothness=self.smoothness, values=values,
             covariance=covariance, limits=limits, notes=self.notes, progress=progress,
         )  # fmt: skip
@@ -258,7 +259,7 @@ class Motion:
         """Return the motion of a Recording; see `from_samples`."""
         curve, smoothness, smoothed, notes = fit(recording, noise)
         t, labels = recording.t, recording.labels
-        return cls(curve, float(t[0]), float(t[-1]), labels, smoothness, np.empty(0), t, smoothed, notes)
+        return cls(curve, float(t[0]), float(t[-1]), labels, smoothness, np.empty(0), t, smoothed, recording.q, notes)
 
 
 def labels_of(machine: Manipulator | None) -> tuple[Label, ...]:

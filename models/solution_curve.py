@@ -21,9 +21,17 @@ INSIDE = 1e-9  # share of an element by which its last collocation point is move
 class Recorded(Protocol):
     """What a solution must offer."""
 
-    duration: float
-    problem: Any
-    values: Mapping[str, float]
+    @property
+    def duration(self) -> float:
+        """[s]."""
+
+    @property
+    def problem(self) -> Any:
+        """What was solved, with its `system`; None if that is not known."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Value of every parameter."""
 
     @property
     def nodes(self) -> Array:

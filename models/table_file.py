@@ -15,6 +15,7 @@ from models.piecewise import Array
 from models.recording import SUSPICIOUS, Recording
 from ocp.system import Label
 
+TIME = ("t", "time")
 LONGEST = 65_536  # bytes of one line
 # What a unit in the header means in SI; the second entry says which coordinates it fits.
 UNITS = {"rad": (1.0, "rad"), "deg": (np.pi / 180.0, "rad"), "m": (1.0, "m"), "mm": (1e-3, "m"), "cm": (1e-2, "m")}
@@ -33,7 +34,8 @@ def read_csv(path: str | os.PathLike[str], coordinates: Sequence[Label] = ()) ->
 
     The first column is t or time. Coordinates are called q1 .. qn, or by the names of the machine; their derivatives
     v1 or v_theta or dtheta/dt, and a1 or a_theta or d2theta/dt2. A unit may follow in brackets: theta [deg], r [mm],
-    t [ms]; without one SI and radians are meant. Other columns are left out, and the notes say so.
+    t [ms]; without one SI and radians are meant. Other columns are left out, and the notes say so
+    (but for torques, which a table of Hamel has).
 
     Args:
         path: of the file, UTF-8, columns separated by commas.
@@ -53,6 +55,42 @@ def read_csv(path: str | os.PathLike[str], coordinates: Sequence[Label] = ()) ->
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: no UTF-8 text (byte {error.start} of a line); save it as UTF-8") from None
     except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def read_waypoints(path: str | os.PathLike[str], coordinates: Sequence[Label] = ()) -> Array:
+    """Read waypoints without times (K, n) [rad or m]: a CSV table with the header q...; see `read_csv`.
+
+    Raises:
+        OSError: no such file.
+        ValueError: no table; the sentence names the column or the line that is wrong.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            header = [("t", ""), *_header(stream)]  # a column of numbers 1 .. K in the place of the times
+            columns = _columns(header, coordinates)
+            table = _numbers(file, stream, len(header) - 1)
+        count = np.arange(1.0, len(table) + 1.0)
+        return _recording(header, columns, np.column_stack([count, table]), coordinates).q
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file}: no UTF-8 text (byte {error.start} of a line); save it as UTF-8") from None
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def has_times(path: str | os.PathLike[str]) -> bool:
+    """Return whether the first column of a CSV table is the time.
+
+    Raises:
+        OSError: no such file.
+        ValueError: no header.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            return _header(stream)[0][0].lower() in TIME
+    except (UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
 
 
@@ -87,7 +125,7 @@ def _header(stream: BinaryIO) -> list[tuple[str, str]]:
 def _columns(header: list[tuple[str, str]], coordinates: Sequence[Label]) -> list[list[int]]:
     """Return the columns of q, v and a; an empty list for a derivative that is not there."""
     names = [name for name, _ in header]
-    if names[0].lower() not in ("t", "time"):
+    if names[0].lower() not in TIME:
         raise ValueError(f"the first column is {names[0]!r}, expected t or time")
     if coordinates:
         known = [label.name for label in coordinates]
@@ -181,7 +219,7 @@ def _recording(
                 )
         parts.append(table[:, places] * factors if places else None)
     used = {0, *(place for places in columns for place in places)}
-    unused = [name for k, (name, _) in enumerate(header) if k not in used]
+    unused = [name for k, (name, _) in enumerate(header) if k not in used and "tau_" not in name]
     notes = (f"columns left out: {', '.join(unused)}",) if unused else ()
     q, v, a = parts
     assert q is not None

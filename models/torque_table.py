@@ -140,7 +140,7 @@ class TorqueTable:
         return "\n".join(lines)
 
 
-def torque_table(
+def tabulate(
     machine: Manipulator,
     effects: Sequence[Effect],
     t: Array,
