@@ -50,6 +50,11 @@ class ExpressionCurve:
         if isinstance(value, list | tuple | np.ndarray):
             value = ca.vertcat(*np.ravel(np.array(value, dtype=object)).tolist())
         column = ca.densify(ca.vec(ca.SX(value)))
+        if any(part.is_constant() and not np.isfinite(float(part)) for part in ca.vertsplit(column)):
+            raise TypeError(
+                "q: the function gives no finite expression of a CasADi symbol; write it with casadi.sin ... or "
+                "numpy.sin ..., or give v and a as functions too"
+            )
         foreign = [str(symbol) for symbol in ca.symvar(column) if symbol.element_hash() != t.element_hash()]
         if foreign:
             raise ValueError(f"q: depends on {', '.join(foreign)} beside t")

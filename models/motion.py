@@ -15,7 +15,7 @@ from models.loads import Envelope
 from models.manipulator import Manipulator
 from models.piecewise import Array, Piecewise, dense
 from models.recording import Recording, read_trajectory
-from models.samples import fit
+from models.samples import Differences, fit
 from models.sampling import Progress
 from models.smoothing import Smoothed
 from models.solution_curve import Recorded, SolutionCurve
@@ -116,6 +116,17 @@ class Motion:
             covariance=covariance, limits=limits, notes=self.notes, progress=progress,
         )  # fmt: skip
 
+    def differenced(self) -> Motion:
+        """Return what raw differences of the samples would give: a comparison, no basis for torques.
+
+        Raises:
+            ValueError: the motion does not come from samples.
+        """
+        if self.samples is None:
+            raise ValueError("the motion does not come from samples, so there is nothing to difference")
+        curve = Differences.of(self.times, self.samples)
+        return Motion(curve, self.start, self.end, self.labels, 0, self.breaks, self.times, samples=self.samples)
+
     @classmethod
     def quintic(cls, q0: object, q1: object, duration: float) -> Motion:
         """Return the motion from rest to rest with v = a = 0 at both ends, q a polynomial of degree 5.
@@ -160,7 +171,7 @@ class Motion:
         """
         points = Recording(times, waypoints)  # type: ignore[arg-type]
         spline = interpolate(points.t, points.q, degree, at_rest(degree) if ends is None else ends)
-        return cls.piecewise(spline, points.labels)
+        return cls.piecewise(spline, points.labels, degree - 1)
 
     @classmethod
     def from_samples(
@@ -248,11 +259,12 @@ class Motion:
         return cls(curve, start, end, labels or numbered(n), smoothness, np.empty(0), dense(np.array([start, end])))
 
     @classmethod
-    def piecewise(cls, curve: Piecewise, labels: tuple[Label, ...] = ()) -> Motion:
-        """Return the motion of a piecewise polynomial."""
+    def piecewise(cls, curve: Piecewise, labels: tuple[Label, ...] = (), smoothness: float | None = None) -> Motion:
+        """Return the motion of a piecewise polynomial; its smoothness is found out if it is not known."""
         breaks, n = curve.breaks, curve.coefficients.shape[2]
         labels = labels or numbered(n)
-        return cls(curve, float(breaks[0]), float(breaks[-1]), labels, curve.smoothness(), breaks[1:-1], dense(breaks))
+        smoothness = curve.smoothness() if smoothness is None else smoothness
+        return cls(curve, float(breaks[0]), float(breaks[-1]), labels, smoothness, breaks[1:-1], dense(breaks))
 
     @classmethod
     def recorded(cls, recording: Recording, *, noise: float | Sequence[float] | None = None) -> Motion:

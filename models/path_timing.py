@@ -46,7 +46,8 @@ def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | N
     if degree is None:
         degree = 5 if len(rows) > 2 else 3
     recording = Recording(s, q)
-    return Motion.piecewise(interpolate(s, q, degree, natural(degree) if ends is None else ends), recording.labels)
+    spline = interpolate(s, q, degree, natural(degree) if ends is None else ends)
+    return Motion.piecewise(spline, recording.labels, degree - 1)
 
 
 def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -> System:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,6 +39,26 @@ def fit(recording: Recording, noise: float | Sequence[float] | None) -> Fit:
         notes.append("velocities left out: the noise of the positions is given, and the spline is theirs")
     smoothed = smooth(t, q, level)
     return smoothed.curve, 4.0, smoothed, (*notes, *smoothed.notes(recording.labels))
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Raw central differences of samples, joined by straight lines: to compare with, noise and all."""
+
+    t: Array  # (K,) [s]
+    derivatives: tuple[Array, Array, Array]  # of order 0, 1, 2, each (K, n)
+
+    @classmethod
+    def of(cls, t: Array, q: Array) -> Differences:
+        """Form the differences of samples q (K, n) at times t (K,)."""
+        v = np.gradient(q, t, axis=0)
+        return cls(t, (q, v, np.gradient(v, t, axis=0)))
+
+    def __call__(self, t: Array, order: int) -> Array:
+        """Return the derivative of the given order (K, n) at times (K,)."""
+        if order >= len(self.derivatives):
+            raise ValueError("raw differences are formed up to the acceleration")
+        return np.stack([np.interp(t, self.t, column) for column in self.derivatives[order].T], axis=1)
 
 
 def _level(noise: float | Sequence[float] | None, n: int) -> Array | None:

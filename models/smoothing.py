@@ -192,7 +192,7 @@ class _Fit:
         return _moments(self.jerks, _values(self.jerks, self.first), len(self.first))
 
     def _floor(self) -> Array:
-        return np.asarray((ROUNDING * (np.max(np.abs(self.y), axis=0) + 1e-300)) ** 2)
+        return np.asarray((ROUNDING * np.max(np.abs(self.y), axis=0)) ** 2 + np.finfo(float).tiny)
 
     def result(self, strength: Array, noise: Array | None) -> Smoothed:
         """Return the spline of the chosen strengths (n,) [s^5]."""

@@ -38,7 +38,6 @@ from models.motion import labels_of
 from models.recording import Recording, as_trajectory
 from models.table_file import has_times, read_waypoints
 from models.terms import Effect
-from models.torque_table import tabulate
 from ocp import load
 
 MACHINES: dict[str, Callable[[], Manipulator]] = {"cylindrical": cylindrical, "spherical": spherical, "torus": torus}
@@ -210,12 +209,7 @@ def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Nam
 
 def raw_torques(motion: Motion, table: TorqueTable) -> np.ndarray:
     """Return the torques (K, n) that raw second differences of the samples would give."""
-    recorded = motion.samples
-    if recorded is None or len(recorded) != len(table.t):
-        raise ValueError("--compare: the motion has no samples, or --times asks for other times")
-    v = np.gradient(recorded, table.t, axis=0)
-    parts = {0: recorded, 1: v, 2: np.gradient(v, table.t, axis=0)}
-    return tabulate(table.machine, table.effects, table.t, lambda _, order: parts[order]).tau
+    return motion.differenced().torques(table.machine, table.effects, times=table.t).tau
 
 
 def write(options: argparse.Namespace, motion: Motion, table: TorqueTable, account: dict[str, object]) -> list[Path]:
