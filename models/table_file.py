@@ -90,7 +90,9 @@ def has_times(path: str | os.PathLike[str]) -> bool:
     try:
         with file.open("rb") as stream:
             return _header(stream)[0][0].lower() in TIME
-    except (UnicodeDecodeError, ValueError) as error:
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file}: no UTF-8 text (byte {error.start} of a line); save it as UTF-8") from None
+    except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
 
 
@@ -215,7 +217,7 @@ def _recording(
                         "or [rad] in the header"
                     )
                 labels.append(
-                    Label(coordinates[i].name if coordinates else f"q{i + 1}", UNITS[base][1] if base else "")
+                    Label(coordinates[i].name if coordinates else f"q{i + 1}", UNITS[base][1] if base else expected)
                 )
         parts.append(table[:, places] * factors if places else None)
     used = {0, *(place for places in columns for place in places)}
