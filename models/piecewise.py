@@ -11,6 +11,7 @@ import numpy as np
 Array = np.ndarray
 # A derivative counts as continuous if it jumps by less than this share of its size.
 CONTINUOUS = 1e-7
+INSIDE = 1e-9  # share of a piece by which its end is moved inside
 DENSE = 1000  # times of a motion that has none of its own
 
 
@@ -88,7 +89,7 @@ def hermite(times: Array, values: Array) -> Piecewise:
         ends[m + order] = [math.perm(j, order) if j >= order else 0.0 for j in range(2 * m)]
     powers = width[:, :, None] ** np.arange(m)[None, :, None]
     known = np.concatenate([values[:-1] * powers, values[1:] * powers], axis=1)
-    in_unit = np.einsum("ij,kjn->kin", np.linalg.inv(ends), known)
+    in_unit = np.tensordot(known, np.linalg.inv(ends), axes=(1, 1)).swapaxes(1, 2)
     return Piecewise(times, in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None])
 
 
@@ -99,9 +100,10 @@ def dense(breaks: Array) -> Array:
         breaks: (M + 1,) increasing [s].
     """
     span = breaks[-1] - breaks[0]
-    parts = [breaks[-1:]]
+    parts = []
     for first, last in itertools.pairwise(breaks):
         inside = np.linspace(first, last, max(3, math.ceil(DENSE * (last - first) / span)) + 1)
-        inside[-1] = np.nextafter(last, first)
+        if last < breaks[-1]:
+            inside[-1] -= INSIDE * (last - first)
         parts.append(inside)
     return np.unique(np.concatenate(parts))

@@ -79,8 +79,8 @@ def read_waypoints(path: str | os.PathLike[str], coordinates: Sequence[Label] = 
         raise ValueError(f"{file}: {error}") from None
 
 
-def has_times(path: str | os.PathLike[str]) -> bool:
-    """Return whether the first column of a CSV table is the time.
+def column_names(path: str | os.PathLike[str]) -> list[str]:
+    """Return the names of the columns of a CSV table, without units; a time in the first column is called t.
 
     Raises:
         OSError: no such file.
@@ -89,7 +89,8 @@ def has_times(path: str | os.PathLike[str]) -> bool:
     file = Path(path)
     try:
         with file.open("rb") as stream:
-            return _header(stream)[0][0].lower() in TIME
+            names = [name for name, _ in _header(stream)]
+        return ["t", *names[1:]] if names[0].lower() in TIME else names
     except UnicodeDecodeError as error:
         raise ValueError(f"{file}: no UTF-8 text (byte {error.start} of a line); save it as UTF-8") from None
     except ValueError as error:

@@ -13,8 +13,10 @@ from models.inverse_kinematics import Configurations, Inverse, continuous, wrapp
 from models.manipulator import Manipulator
 from models.motion import Motion, labels_of
 from models.piecewise import Array
+from models.recording import Recording
 from models.sampling import evaluate
-from models.tool_path import ToolPath
+from models.splines import at_rest, interpolate
+from models.tool_path import Polynomial, ToolPath
 
 FINE = 2001  # places at which the solution is chosen, at least
 LEAP = 0.5  # largest step between two of them [rad or m]
@@ -113,6 +115,36 @@ def along_tool_path(
     curve = ToolCurve(tool, machine.inverse, angular, active, grid, chosen, _terms(machine, active))
     _check_velocities(curve, configurations, points)
     return Motion(curve, law.start, law.end, labels_of(machine), min(law.smoothness, 3.0), law.breaks, law.times)
+
+
+def through_tool_points(
+    machine: Manipulator,
+    times: Sequence[float] | Array,
+    points: Sequence[Sequence[float]] | Array,
+    *,
+    near: Sequence[float] | Array | None = None,
+    hold: Mapping[str, float] | None = None,
+    limits: tuple[Sequence[float], Sequence[float]] | None = None,
+) -> Motion:
+    """Return the motion whose tool passes points at given times, along a quintic spline from rest to rest.
+
+    Args:
+        machine: with inverse kinematics.
+        times: (K,) increasing [s], counted from the first.
+        points: (K, 3) of the tool [m].
+        near, hold, limits: as for `along_tool_path`.
+
+    Raises:
+        ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
+    """
+    given = Recording(np.asarray(times), np.asarray(points))
+    if given.q.shape[1] != 3:
+        raise ValueError(f"points: got the shape {given.q.shape}, expected (K, 3)")
+    since = given.t - given.t[0]
+    path = Polynomial(interpolate(since, given.q, 5, at_rest(5)), float(since[-1]))
+    # The time itself is the parameter of the path.
+    law = Motion.of_time(lambda t: t, path.length, smoothness=4)
+    return along_tool_path(machine, path, law, near=near, hold=hold, limits=limits)
 
 
 def _check_velocities(curve: ToolCurve, configurations: Configurations, points: Array) -> None:

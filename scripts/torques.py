@@ -1,7 +1,7 @@
 """Drive torques of a given motion: summary, table, pictures.
 
-MOTION is a CSV table (t,q1,...; maybe v1,... and a1,...; without t: waypoints, run through as fast as --limit allows),
-a ROS JointTrajectory (.json, .yaml), a solution (.npz), or arrays t, q (.npz).
+MOTION is a CSV table (t,q1,...; maybe v1,... and a1,...; t,x,y,z: points of the tool; without t: waypoints, run
+through as fast as --limit allows), a ROS JointTrajectory (.json, .yaml), a solution (.npz), or arrays t, q (.npz).
 """
 
 from __future__ import annotations
@@ -36,12 +36,15 @@ from models.effects import Gravity, Payload, Viscous
 from models.forms import canonical, hamel, lagrange
 from models.motion import labels_of
 from models.recording import Recording, as_trajectory
-from models.table_file import has_times, read_waypoints
+from models.table_file import column_names, read_csv, read_waypoints
 from models.terms import Effect
+from models.tool_motion import through_tool_points
 from ocp import load
+from ocp.system import Label
 
 MACHINES: dict[str, Callable[[], Manipulator]] = {"cylindrical": cylindrical, "spherical": spherical, "torus": torus}
 FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
+TOOL = ("x", "y", "z")  # columns of a path of the tool
 LONG = 100_000  # rows from which progress is shown
 ROWS = 50_000  # written at once
 Say = Callable[[str], None]
@@ -137,7 +140,11 @@ def read_motion(options: argparse.Namespace, machine: Manipulator, effects: list
         return from_npz(path, machine, effects, level)
     if kind != ".csv":
         raise ValueError(f"{path}: the kind {kind!r} is unknown, expected .csv, .json, .yaml, .yml or .npz")
-    if has_times(path):
+    names = column_names(path)
+    if names[0] == "t" and set(TOOL) <= set(names):
+        points = read_csv(path, [Label(axis, "m") for axis in TOOL])
+        return through_tool_points(machine, points.t, points.q)
+    if names[0] == "t":
         return Motion.from_csv(path, machine, noise=level)
     if options.limit is None:
         raise ValueError(f"{path}: has no column t; give --limit to run through its waypoints in minimum time")
@@ -246,7 +253,7 @@ def write_csv(path: Path, table: TorqueTable) -> None:
         file.write(",".join(header) + "\n")
         for start in range(0, len(table.t), ROWS):
             rows = np.hstack([column[start : start + ROWS] for column in columns])
-            np.savetxt(file, rows, fmt="%.12g", delimiter=",")
+            np.savetxt(file, rows, fmt="%.15g", delimiter=",")
             if shown is not None:
                 shown(min(start + ROWS, len(table.t)), len(table.t))
 

@@ -105,6 +105,10 @@ BAD = {
         message(*({"positions": [0.0, 0.0], "time_from_start": float(k)} for k in range(9)), names=("a", "b")),
         "torus has 3 (q1, q2, q3)",
     ),
+    "unreachable tool point": (
+        "m.csv", csv("t,x,y,z", [[0, 1, 0, 0], [1, 1.4, 0, 0.2], [2, 1.2, 0.9, 0.6]]), "cannot be reached: farther than"
+    ),
+    "tool points of two axes": ("m.csv", csv("t,x,y", [[0, 1, 0], [1, 1, 1]]), "no column q1"),
     "damaged archive": ("m.npz", b"PK nothing", "no readable NPZ"),
 }  # fmt: skip
 
@@ -183,6 +187,15 @@ def test_waypoints_from_the_shell(command, tmp_path, capsys):
     assert command([str(tmp_path / "way.csv"), *options]) in (0, 1)
     assert "minimum time" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["torques.csv", "torques.json"]
+
+
+def test_tool_points_from_the_shell(command, tmp_path, capsys):
+    points = np.array([[1.0, 0.0, 0.1], [0.9, 0.3, 0.2], [0.7, 0.5, 0.2], [0.5, 0.6, 0.1]])
+    (tmp_path / "tool.csv").write_text(csv("t,x [mm],y [mm],z [mm]", np.column_stack([range(4), 1e3 * points])))
+    options = ["--machine", "torus", "--no-picture", "--quiet", "--output", str(tmp_path / "r")]
+    assert command([str(tmp_path / "tool.csv"), *options]) == 0
+    motion = Motion.from_csv(tmp_path / "r" / "torques.csv", torus())
+    np.testing.assert_allclose(motion.torques(torus(), times=[0.0, 1.0, 2.0, 3.0]).tool, points, atol=1e-8)
 
 
 def test_units_names_and_order(tmp_path):
