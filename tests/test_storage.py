@@ -118,7 +118,8 @@ def test_use_as_a_guess(tmp_path):
 
 def test_file_is_open_to_other_readers(tmp_path):
     with np.load(stored(tmp_path), allow_pickle=False) as file:
-        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about"}
+        limits = {f"limits_{name}" for name in ("x", "u", "path", "ends")}
+        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about", *limits}
         about = json.loads(str(file["about"]))
         np.testing.assert_array_equal(file["states"], SOLUTION.states)
     assert about["x"] == ["height [m]", "speed [m/s]"]
