@@ -168,8 +168,8 @@ def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Nam
     broken = broken_limits(table)
     account["broken_limits"] = [asdict(span) for span in broken]
     for where in broken:
-        span = f"from {where.start:.6g} to {where.end:.6g} s"
-        say(f"exceeded     {where.name} {span}: {where.value:.4g}, the limit is {where.limit:.4g}")
+        when = f"from {where.start:.6g} to {where.end:.6g} s"
+        say(f"exceeded     {where.name} {when}: {where.value:.4g}, the limit is {where.limit:.4g}")
     return account
 
 
