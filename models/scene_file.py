@@ -30,7 +30,9 @@ def read_scene(document: Table) -> Scene:
     machines, forms = catalogue.machines(), catalogue.forms()
     machine = _machine(machines[document.text("machine", machines)], document.table("parameters"))
     form = forms[document.text("form", forms, "canonical")]
-    frame = document.text("frame", machine.frames, "regular")
+    frame = document.entries.get("frame", "regular")
+    if not isinstance(frame, str):
+        raise document.error("frame", f"got {describe(frame)}, expected one of {', '.join(machine.frames)}")
     try:
         machine.frame(frame)
     except ValueError as error:
