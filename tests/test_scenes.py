@@ -12,8 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "scripts")]
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
 import budget
 import task_file
@@ -27,6 +26,7 @@ from models.effects import Coulomb, Gravity, LaggedDrive, MotorDrive, Payload, R
 from models.forms import canonical, hamel, lagrange
 from ocp import Fixed, Free, Sequence, point_to_point, radau, solve, uniform, verify
 
+ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
 PREFIX = 'machine = "spherical"\n'
 
@@ -150,7 +150,8 @@ def test_degrees_are_degrees():
 
 def test_tasks_become_problems():
     scene, plain = task('from = [0.9, 0.0, 0.0, 0.85]\nto = { tool = [0.9, 0.0, 0.4] }\nminimise = { time = 2.0, '
-                        "squares = { tau = 1e-3 }, integral = { power = 0.5 } }\nhorizon = { guess = 0.7, upper = 3 }\n")  # fmt: skip
+                        "squares = { tau = 1e-3 }, integral = { power = 0.5 } }\n"
+                        "horizon = { guess = 0.7, upper = 3 }\n")  # fmt: skip
     problem = plain.problem(scene.system)
     assert problem.horizon == Free(0.7, 0.0, 3.0)
     assert problem.minimise.time == 2.0
@@ -158,9 +159,8 @@ def test_tasks_become_problems():
     wanted = 1e-3 * ca.sumsqr(tau) + 0.5 * power
     residual = ca.Function("r", [scene.system.x, scene.system.u], [problem.minimise.running - wanted])
     assert abs(float(residual(np.arange(8.0) + 1.0, np.arange(4.0)))) < 1e-12
-    ends = [
-        c for c in problem.subject_to if c.where.value == "end" and ca.is_equal(c.expression, scene.system["tool"], 5)
-    ]
+    ends = [c for c in problem.subject_to if c.where.value == "end" and c.expression.numel() == 3]
+    assert ca.is_equal(ends[0].expression, scene.system["tool"], 5)
     np.testing.assert_allclose(ends[0].lower, [0.9, 0.0, 0.4])
     _, legs = task("from = 0.5\nto = 0.7\nvia = [0.6, { r = 0.6, theta_deg = 40, psi = 0, phi = 0 }]\n"
                    "horizon = [ 0.5, { guess = 0.4 }, { upper = 2.0 } ]\n")  # fmt: skip
@@ -262,8 +262,10 @@ def test_the_budget_is_what_solving_by_hand_gives():
 
 
 def test_a_row_of_the_budget_that_is_not_possible_says_so():
-    text = (PREFIX + "[effects.motor_drive]\nconstant = 0.1\nresistance = 1.0\n[effects.winding_heat]\nresistance = 1.0\n"
-            "capacity = 500.0\n[limits]\nvoltage = 60.0\nwinding = { upper = 400.0 }\n[task]\nfrom = [0.9, 0.0, 0.0, 0.85]\n"
+    text = (PREFIX + "[effects.motor_drive]\nconstant = 0.1\nresistance = 1.0\n"
+            "[effects.winding_heat]\nresistance = 1.0\n"
+            "capacity = 500.0\n[limits]\nvoltage = 60.0\nwinding = { upper = 400.0 }\n"
+            "[task]\nfrom = [0.9, 0.0, 0.0, 0.85]\n"
             "to = [1.2, 0.5, 0.2, 0.9]\n")  # fmt: skip
     scene, given = task_file.of_text(text, "heat")
     table = budget.effect_budget(scene, given, uniform(10))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
 import budget
 import task_file
@@ -15,6 +15,7 @@ from broken_scenes import BROKEN, SOUND
 from models.document import SceneError
 from ocp import uniform
 
+ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "scenes.md"
 SCENES = ROOT / "scripts" / "scenes"
 EXAMPLES = ("spherical", "cylindrical", "torus")
@@ -58,10 +59,11 @@ executes nothing.
 | `[limits]` | along the motion, for any signal: magnitudes, or `{ lower = ..., upper = ... }` | those of the effects |
 | `[task]` `from`, `to` | a position, at rest; or signals by name, `{ tool = [...] }`, `{ q = ..., v = ... }` | none |
 | `[task]` `via` | list of such points, passed in this order at any speed; a leg ends at each | none |
-| `[task]` `minimise` | `"time"`, or `{ time = ..., squares = { SIGNAL = weight }, integral = { SIGNAL = weight } }` | `"time"` |
-| `[task]` `horizon` | `{ guess, lower, upper }` [s] if free, a number [s] if fixed; with `via` a list, one for each leg | free |
+| `[task]` `minimise` | `"time"`, or `{ time = ..., squares = { SIGNAL = ... }, integral = { ... } }` | `"time"` |
+| `[task]` `horizon` | free: `{ guess, lower, upper }`, fixed: a number; with `via` a list, one for each leg | free |
 | `[task]` `elements` | of the grid of each leg | 50 |
-| `[[task.obstacles]]` | `shape` (`ball`, `box`, `cylinder`, `half_space`) with its numbers; `keep` `"outside"` or `"inside"`; `point` | `"outside"`, `"tool"` |
+| `[[task.obstacles]]` | `shape` (`ball`, `box`, `cylinder`, `half_space`) with its numbers | none |
+| `keep`, `point` | of an obstacle: `"outside"` or `"inside"`; the signal that keeps out of it | `"outside"`, `"tool"` |
 
 A limit on a signal that an effect limits already takes the place of the effect's. With a horizon for the whole motion
 and via points, only `guess` is given, and shared among the legs. The signals of a scene stand on its card.
@@ -102,8 +104,8 @@ def main() -> None:
     parts.append(
         "Each row is a solve, not a sensitivity: leaving an effect out is a finite change that may move the motion to\n"
         "another local optimum or change its states, and peak torques and seconds have no derivative. A row is solved\n"
-        "from the default guess and, where the states are the same, from the motion of the whole scene; the better one\n"
-        "counts, and a note says when they are two optima. Rows that are not verified show no figures.\n\n"
+        "from the default guess and, where the states are the same, from the motion of the whole scene; the better\n"
+        "one counts, and a note says when they are two optima. Rows that are not verified show no figures.\n\n"
     )
     parts.append("## What is said of a file that cannot be used\n\nOne sentence, exit status 2:\n\n")
     parts += [f"- {name}: `{message}`\n" for name, message in messages()]
