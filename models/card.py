@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 WIDTH, INDENT = 110, 14
 
 
-def card(scene: Scene) -> str:
+def scene_card(scene: Scene) -> str:
     """Return the card of a scene, lines of at most WIDTH characters.
 
     Args:
@@ -103,7 +103,7 @@ def _limits(system: System) -> Iterable[str]:
 
 def interval(label: Label, lower: float, upper: float) -> str:
     """Return limits of one component in words: -2 <= tau_phi <= 3 N m."""
-    unit = f" {label.unit}" if label.unit else ""
+    unit = f" {label.unit}" if label.unit not in ("", "1") else ""
     if lower == upper:
         return f"{label.name} = {lower:.6g}{unit}"
     if np.isfinite(upper) and lower == -upper:

@@ -18,7 +18,7 @@ NOTHING = re.compile(r"\"[^\"]*\"|'[^']*'|#.*")  # strings and comments, in whic
 HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\],]+?)\s*\]\]?\s*(?:#.*)?$")
 ENTRY = re.compile(r"\s*((?:\"[^\"]*\"|'[^']*'|[\w\-. ])+?)\s*=")
 PART = re.compile(r"\"[^\"]*\"|'[^']*'|[^.\s]+")
-KINDS = {bool: "true or false", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
+KINDS = {int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
 
 
 class SceneError(ValueError):
@@ -229,7 +229,9 @@ def unknown(what: str, name: str, right: Sequence[str]) -> str:
 
 def describe(value: object) -> str:
     """Return a value of a document as a message shows it."""
-    shown = f"{value!r}" if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    shown = f"{value!r}" if isinstance(value, str) else str(value)
     kind = KINDS.get(type(value), "a date or time")
     return kind if isinstance(value, dict) else f"{kind}, {shown if len(shown) < 60 else shown[:57] + '...'}"
 

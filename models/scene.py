@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from models.card import card
+from models.card import scene_card
 from models.forms import canonical
 from models.frames import Frame
 from models.manipulator import Manipulator
@@ -85,4 +85,4 @@ class Scene:
 
     def card(self) -> str:
         """Return the scene as a page of text: states, controls, parameters, limits, signals, instructions, prices."""
-        return card(self)
+        return scene_card(self)

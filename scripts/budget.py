@@ -85,8 +85,9 @@ class Budget:
         ]
         foot = (
             "Every row is a solve of its own, of the scene that never heard of the effect; nothing is linearised.",
-            "costs: t_f of the whole scene minus t_f without the effect. work: what the drives deliver, braking not",
-            "counted; net: braking counted as recovered. seconds: set-up and solve from the default guess.",
+            "costs: t_f of the whole scene minus t_f without the effect; below the error of the grid it says nothing.",
+            "work: what the drives deliver, braking not counted; net: braking counted as recovered. seconds: set-up",
+            "and solve from the default guess.",
         )
         return "\n".join([*(line.rstrip() for line in text), *notes, *foot])
 
