@@ -18,6 +18,8 @@ from ocp.switching import switching_functions
 Array = np.ndarray
 EDGE = 0.02  # share of its range within which a control counts as being at a limit
 ACTIVE = 2e-4  # share of the range of a state limit within which it counts as active
+NEARLY = 2e-3  # share of it within which a contact is not over; on a coarse grid a held state bounces
+STUCK = 0.03  # share of a hold that its control must be at a limit for to end it
 HELD_FOR = 2.5  # elements that a limit must be active for to be held; for less it is touched
 CHATTER = 2  # cells between two limits that are a switch or a short excursion, no interior arc
 SINGULAR = 0.02  # switching function, share of the Hamiltonian, below which a control between limits is interior
@@ -47,7 +49,10 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -
     holds, touches = contacts(problem, solution, limits)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     places = [_place(u[:, i], low[i], high[i]) for i in range(u.shape[1])]
-    holds = [part for hold in holds for part in _possible(hold, edges, places[hold.contact.control])]
+    kept = [(hold, _possible(hold, edges, places[hold.contact.control])) for hold in holds]
+    holds = [part for _, parts in kept for part in parts]
+    # A limit that no control holds, however long it takes, is touched.
+    touches += [((h.start + h.end) / 2.0, Contact(h.contact.limit, h.contact.side)) for h, parts in kept if not parts]
     spells: list[list[Spell]] = []
     for i, place in enumerate(places):
         own = [hold for hold in holds if hold.contact.control == i]
@@ -99,8 +104,7 @@ def contacts(
         for side in (-1, 1):
             if not np.isfinite(limit.at(side)):
                 continue
-            near = np.flatnonzero(np.abs(values[number] - limit.at(side)) <= ACTIVE * limit.range)
-            for run in np.split(near, np.flatnonzero(np.diff(element[near]) > 1) + 1) if len(near) else []:
+            for run in _runs(np.abs(values[number] - limit.at(side)) / limit.range, element):
                 first, last = t[run[0]], t[run[-1]]
                 if last - first >= HELD_FOR * np.max(widths[element[run]]):
                     control = _holder(problem, solution, limit, (first + last) / 2.0)
@@ -111,16 +115,28 @@ def contacts(
     return holds, touches
 
 
+def _runs(distance: Array, element: Array) -> list[Array]:
+    """Return runs of places that begin and end within ACTIVE of a limit and stay within NEARLY between."""
+    near = np.flatnonzero(distance <= NEARLY)
+    runs = np.split(near, np.flatnonzero(np.diff(element[near]) > 1) + 1) if len(near) else []
+    active = [(run, np.flatnonzero(distance[run] <= ACTIVE)) for run in runs]
+    return [run[at[0] : at[-1] + 1] for run, at in active if len(at)]
+
+
 def _possible(hold: Hold, edges: Array, place: Array) -> list[Hold]:
     """Return the parts of a hold in which its control is between its limits; at a limit it can hold nothing."""
     inside = np.flatnonzero((edges[:-1] >= hold.start - 1e-12) & (edges[1:] <= hold.end + 1e-12))
-    stuck = [c for c in inside if place[c] < EDGE or place[c] > 1.0 - EDGE]
+    stuck = inside[(place[inside] < EDGE) | (place[inside] > 1.0 - EDGE)]
+    whole = hold.end - hold.start
     parts, begin = [], hold.start
-    for c in stuck:
-        if edges[c] > begin:
-            parts.append(Hold(hold.contact, begin, float(edges[c])))
-        begin = float(edges[c + 1])
-    return [*parts, Hold(hold.contact, begin, hold.end)] if hold.end > begin else parts
+    for run in np.split(stuck, np.flatnonzero(np.diff(stuck) > 1) + 1) if len(stuck) else []:
+        first, last = float(edges[run[0]]), float(edges[run[-1] + 1])
+        if last - first < STUCK * whole:
+            continue
+        parts.append(Hold(hold.contact, begin, first))
+        begin = last
+    parts.append(Hold(hold.contact, begin, hold.end))
+    return [part for part in parts if part.end - part.start > STUCK * whole]
 
 
 def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float) -> int:
