@@ -9,6 +9,7 @@ import os
 import uuid
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.solution import Multipliers, Solution, Status, Timings
+from ocp.structure import Arc, Contact, Kind, Row, Structure
 
 FORMAT = "hamel-solution"
 VERSION = 2  # 1 had no multipliers of limits
@@ -63,6 +65,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "x": [str(label) for label in system.label("x", nx)] if system else [],
         "u": [str(label) for label in system.label("u", nu)] if system else [],
         "log": {name: list(column) for name, column in solution.log.items()},
+        "structure": _plain(solution.structure) if solution.structure else None,
     }
     held, target = solution.multipliers, Path(path)
     # Created by hand, so that the file gets the rights that the user's own files get.
@@ -120,9 +123,9 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
             _number(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
             _numbers(about["free"]), _numbers(about["values"]), Timings(**about["timings"]), int(about["iterations"]),
             grid, scheme, problem, str(about["rung"]), dict(about["log"]),
-            _multipliers(held, arrays),
+            _multipliers(held, arrays), structure=_structure(about.get("structure"), arrays["controls"].shape[2]),
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: the solution file is incomplete or damaged ({error})") from None
 
 
@@ -133,6 +136,41 @@ def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> 
     if wrong or len(held["path"]) != len(arrays["states"]):
         raise ValueError("multipliers of limits do not fit the motion")
     return Multipliers(**held)
+
+
+def _plain(structure: Structure) -> dict[str, object]:
+    """Return a structure as plain data: rows (name, kind, start, end); contacts (limit, side, control)."""
+    arcs = [
+        {
+            "kinds": [kind.value for kind in arc.kinds],
+            "duration": arc.duration,
+            "held": [[c.limit, c.side, c.control] for c in arc.held],
+            "touched": [[c.limit, c.side, c.control] for c in arc.touched],
+        }
+        for arc in structure.arcs
+    ]
+    return {"rows": [[row.name, row.kind.value, row.start, row.end] for row in structure.rows], "arcs": arcs}
+
+
+def _structure(about: dict[str, Any] | None, nu: int) -> Structure | None:
+    if about is None:
+        return None
+    rows = tuple(Row(str(name), Kind(kind), float(a), float(b)) for name, kind, a, b in about["rows"])
+    arcs = tuple(
+        Arc(tuple(map(Kind, arc["kinds"])), float(arc["duration"]), _contacts(arc["held"]), _contacts(arc["touched"]))
+        for arc in about["arcs"]
+    )
+    if not rows or not arcs or any(len(arc.kinds) != nu for arc in arcs):
+        raise ValueError(f"the structure does not fit a motion with {nu} controls")
+    return Structure(rows, arcs)
+
+
+def _contacts(about: list[list[int]]) -> tuple[Contact, ...]:
+    found = tuple(Contact(int(limit), int(side), int(control)) for limit, side, control in about)
+    wrong = [c for c in found if c.side not in (-1, 1) or c.limit < 0]
+    if wrong:
+        raise ValueError(f"{wrong[0]!r} is no contact with a limit")
+    return found
 
 
 def _without_nan(value: object) -> object:

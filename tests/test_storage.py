@@ -24,6 +24,7 @@ from ocp import (
     legendre,
     load,
     lobatto,
+    polish,
     radau,
     save,
     simulate,
@@ -32,6 +33,7 @@ from ocp import (
     uniform,
     verify,
 )
+from ocp.structure import Contact
 
 x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 2)
 LABELS = {"x": (Label("height", "m"), Label("speed", "m/s")), "u": (Label("force", "N"),)}
@@ -46,7 +48,7 @@ PROBLEM = Problem(
 )
 SOLUTION = solve(PROBLEM, grid=uniform(7), values={"mass": 1.3})
 ARRAYS = [f.name for f in fields(SOLUTION) if isinstance(getattr(SOLUTION, f.name), np.ndarray)]
-PLAIN = ["status", "message", "solver_status", "free", "values", "timings", "iterations", "rung", "log"]
+PLAIN = ["status", "message", "solver_status", "free", "values", "timings", "iterations", "rung", "log", "structure"]
 
 
 def assert_equal(loaded, saved):
@@ -54,12 +56,13 @@ def assert_equal(loaded, saved):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(saved, name), strict=True, err_msg=name)
     for name in PLAIN:
         assert getattr(loaded, name) == getattr(saved, name), name
+    assert (loaded.multipliers is None) == (saved.multipliers is None)
+    for field in fields(saved.multipliers) if saved.multipliers else ():
+        got, expected = (getattr(solution.multipliers, field.name) for solution in (loaded, saved))
+        np.testing.assert_array_equal(got, expected, strict=True, err_msg=field.name)
     np.testing.assert_array_equal([loaded.duration, loaded.cost], [saved.duration, saved.cost])
     np.testing.assert_array_equal(loaded.grid.ends, saved.grid.ends)
     assert repr(loaded.scheme) == repr(saved.scheme)
-    for name in ("x", "u", "path", "ends"):
-        held = (getattr(one.multipliers, name) for one in (loaded, saved))
-        np.testing.assert_array_equal(*held, strict=True, err_msg=name)
 
 
 def stored(tmp_path, solution=SOLUTION):
@@ -80,8 +83,31 @@ def test_round_trip_is_exact(tmp_path, make, control):
 
 
 def test_all_fields_are_compared():
-    compared = {*ARRAYS, *PLAIN, "duration", "cost", "grid", "scheme", "problem", "multipliers"}
-    assert {*compared, "accuracy"} == {f.name for f in fields(SOLUTION)}
+    # `accuracy` belongs to a refinement and is not saved.
+    compared = {*ARRAYS, *PLAIN, "duration", "cost", "grid", "scheme", "problem", "multipliers", "accuracy"}
+    assert compared == {f.name for f in fields(SOLUTION)}
+
+
+def test_structure_of_a_polished_solution_round_trip(tmp_path):
+    slow = replace(PROBLEM, subject_to=(*PROBLEM.subject_to, along(x[1], -1.0, 1.0)))
+    polished = polish(solve(slow, grid=uniform(20), values={"mass": 1.3}))
+    assert any(arc.held for arc in polished.structure.arcs)
+    loaded = load(stored(tmp_path, polished))
+    assert_equal(loaded, polished)
+    assert str(loaded.structure) == str(polished.structure)
+    touching = replace(polished.structure.arcs[0], touched=(Contact(0, -1),))
+    again = replace(polished, structure=replace(polished.structure, arcs=(touching,)))
+    assert load(stored(tmp_path, again)).structure == again.structure
+
+
+def test_file_without_a_structure(tmp_path):
+    path = stored(tmp_path)
+    with np.load(path) as file:
+        parts = dict(file)
+    about = json.loads(str(parts["about"]))
+    assert about.pop("structure") is None
+    np.savez(path.with_suffix(".old.npz"), **{**parts, "about": np.array(json.dumps(about))})
+    assert load(path.with_suffix(".old.npz")).structure is None
 
 
 def test_failed_solution_round_trip(tmp_path):
@@ -118,8 +144,8 @@ def test_use_as_a_guess(tmp_path):
 
 def test_file_is_open_to_other_readers(tmp_path):
     with np.load(stored(tmp_path), allow_pickle=False) as file:
-        limits = {f"limits_{name}" for name in ("x", "u", "path", "ends")}
-        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about", *limits}
+        limits = {"limits_x", "limits_u", "limits_path", "limits_ends"}
+        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about"} | limits
         about = json.loads(str(file["about"]))
         np.testing.assert_array_equal(file["states"], SOLUTION.states)
     assert about["x"] == ["height [m]", "speed [m/s]"]
@@ -154,6 +180,17 @@ def without(path, name):
     np.savez(path, **parts)
 
 
+def arc(**changes):
+    return {"kinds": ["upper"], "duration": 1.0, "held": [], "touched": []} | changes
+
+
+STRUCTURE = {"rows": [["u", "upper", 0.0, 1.0]], "arcs": [arc()]}
+
+
+def structured(part, entry):
+    return STRUCTURE | {part: [entry]}
+
+
 class Bomb:
     def __reduce__(self):
         return (os.mkdir, ("exploded",))
@@ -185,7 +222,7 @@ DAMAGE = {
     "about a list": lambda path: rewritten(path, about=np.array("[1]")),
     "about a number": lambda path: rewritten(path, about=np.zeros(2)),
     "newer": lambda path: rewritten(path, version=3),
-    "version word": lambda path: rewritten(path, version="1"),
+    "version word": lambda path: rewritten(path, version="2"),
     "other format": lambda path: rewritten(path, format="other"),
     "unknown status": lambda path: rewritten(path, status="PERFECT"),
     "unknown scheme": lambda path: rewritten(path, scheme={"name": "euler", "degree": 3, "control": "constant"}),
@@ -198,6 +235,15 @@ DAMAGE = {
     "states short": lambda path: rewritten(path, states=SOLUTION.states[1:]),
     "states words": lambda path: rewritten(path, states=np.full((7, 4, 2), "a")),
     "costates of another size": lambda path: rewritten(path, costates=np.zeros((7, 3, 5))),
+    "structure a word": lambda path: rewritten(path, structure="bang-bang"),
+    "structure without arcs": lambda path: rewritten(path, structure={"rows": STRUCTURE["rows"], "arcs": []}),
+    "structure without rows": lambda path: rewritten(path, structure={"arcs": STRUCTURE["arcs"]}),
+    "structure of unknown kind": lambda path: rewritten(path, structure=structured("rows", ["u", "high", 0.0, 1.0])),
+    "structure with a short row": lambda path: rewritten(path, structure=structured("rows", ["u", "upper", 0.0])),
+    "structure of two controls": lambda path: rewritten(path, structure=structured("arcs", arc(kinds=["upper"] * 2))),
+    "structure of unknown arc": lambda path: rewritten(path, structure=structured("arcs", arc(kinds=["high"]))),
+    "structure of duration None": lambda path: rewritten(path, structure=structured("arcs", arc(duration=None))),
+    "structure with one side": lambda path: rewritten(path, structure=structured("arcs", arc(held=[[0, 0, 0]]))),
     "grid backwards": lambda path: rewritten(path, ends=SOLUTION.grid.ends[::-1]),
 }
 
