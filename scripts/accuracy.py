@@ -23,7 +23,7 @@ import accuracy_integrators as simulated
 import accuracy_picture as picture
 import accuracy_table as table
 import benchmark_peers as peers
-from accuracy_contenders import SCHEMES, Contender, of_peer, on_uniform_grids, schemes, with_polish
+from accuracy_contenders import SCHEMES, Contender, of_peer, on_uniform_grids, refined, schemes, with_polish
 from accuracy_dymos import of_dymos
 from accuracy_front import front, recommend
 from accuracy_measurement import Progress, against, curves, measure
@@ -32,10 +32,10 @@ from accuracy_scene import Scene, machine_scene, problem_scene
 from benchmark_problems import CASES
 from time_optimal import FORMS, TASKS
 
-from ocp import Control
+from ocp import Control, polish
 
 GRIDS = (12, 25, 50, 100, 200)
-METHODS = ("uniform", "polish")
+METHODS = ("uniform", "polish", "refine", "refine+polish")
 COARSE = (25, 50, 100)  # elements from which is polished
 PARTS = ("simulation", "control")
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
@@ -124,6 +124,9 @@ def contenders(scene: Scene, options: argparse.Namespace) -> list[Contender]:
     ours = [on_uniform_grids(form, scheme, options.grids) for form, scheme in chosen if "uniform" in options.methods]
     if "polish" in options.methods:
         ours += [with_polish(form, scheme, COARSE) for form, scheme in chosen[:1]]
+    for method, finish in (("refine", None), ("refine+polish", polish)):
+        if method in options.methods:
+            ours += [refined(form, options.refine_to, options.refine_seconds, finish) for form in forms[:1]]
     grids, limit = options.grids, options.limit_seconds
     theirs = [of_dymos("hp", limit) if name == "dymos" else of_peer(name, grids, limit) for name in options.peers]
     return [*ours, *theirs]
@@ -158,6 +161,14 @@ def command_line() -> argparse.ArgumentParser:
     add("--integrators", nargs="+", choices=simulated.NAMES, help="for the simulation (default: all)")
     add("--tolerances", nargs="+", type=float, default=list(simulated.TOLERANCES), metavar="E", help="of integrators")
     add("--steps", nargs="+", type=int, default=list(simulated.STEPS), metavar="K", help="of those without tolerance")
+    add("--refine-to", type=float, default=1e-7, metavar="E", help="tolerance of the cost (default: %(default)s)")
+    add(
+        "--refine-seconds",
+        type=float,
+        default=15.0,
+        metavar="S",
+        help="budget of one refinement (default: %(default)s)",
+    )
     add("--tolerance", type=float, default=1e-6, metavar="E", help="error to recommend for (default: %(default)s)")
     add("--repeats", type=int, default=3, metavar="K", help="rounds (default: %(default)s)")
     add("--budget", type=float, default=75.0, metavar="S", help="no round begins that would end later [s]")

@@ -10,7 +10,20 @@ from itertools import product
 import benchmark_peers as peers
 from accuracy_scene import Scene
 
-from ocp import Control, Ipopt, Scheme, Solution, Timings, legendre, lobatto, polish, radau, solve, uniform
+from ocp import (
+    Control,
+    Ipopt,
+    Scheme,
+    Solution,
+    Timings,
+    legendre,
+    lobatto,
+    polish,
+    radau,
+    solve,
+    solve_to_accuracy,
+    uniform,
+)
 
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
 SETTINGS = Ipopt(progress=False)
@@ -73,6 +86,34 @@ def with_polish(form: str, scheme: Scheme, grids: Sequence[int]) -> Contender:
             yield run if second.structure is not None else replace(run, solution=None, note=second.message)
 
     return Contender(f"{_prefix(form)}{described(scheme)}, uniform, then polish", runs)
+
+
+def refined(form: str, tol: float, seconds: float, finish: Callable[[Solution], Solution] | None = None) -> Contender:
+    """Return the contender that refines until the estimated error is within `tol`, with every rung of its ladder.
+
+    Args:
+        form: of the equations.
+        tol: of the cost, in its unit.
+        seconds: no rung is begun that would probably end later [s].
+        finish: a last stage that is tried on every rung, such as `polish`.
+    """
+
+    def runs(scene: Scene) -> Iterator[Run]:
+        begun = time.perf_counter()
+        problem = scene.problems[form]()
+        before = time.perf_counter() - begun
+        # All rungs first: what is done with one between two of them must not count.
+        rungs = list(solve_to_accuracy(problem, tol, seconds=seconds, finish=finish))
+        inside = solver = 0.0
+        for k, rung in enumerate(rungs, 1):
+            inside, solver = inside + rung.timings.derivatives, solver + rung.timings.solver
+            spent = Timings(0.0, inside, solver, inside + solver)
+            elapsed = before + (rung.accuracy.seconds if rung.accuracy else float("nan"))
+            label = f"rung {k}, {len(rung.grid)} elements{', polished' if rung.structure is not None else ''}"
+            yield counted(label, replace(rung, timings=spent), elapsed)
+
+    words = f"refined to {tol:.0e}" + (f", then {finish.__name__}" if finish else "")
+    return Contender(f"{_prefix(form)}{words}", runs)
 
 
 def of_peer(name: str, grids: Sequence[int], limit: float) -> Contender:

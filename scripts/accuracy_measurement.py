@@ -13,8 +13,7 @@ from accuracy_front import Curve, Point
 from accuracy_reference import Reference
 from accuracy_scene import Scene
 
-from ocp import Solution, verify
-from ocp.error import estimate
+from ocp import Solution, estimate, verify
 
 BROKEN = 2e-3  # share of its range by which a limit may be exceeded between nodes, as in `Report.failures`
 
