@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
+import numpy as np
 
 from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, lists_its_parameters, read, unit_of
 
@@ -117,6 +121,27 @@ def cylindrical(
         },
         nominal=p.nominal,
         symbols=p.symbols,
+        inverse=partial(_inverse, p.nominal["A"], p.nominal["l_T"]),
+    )
+
+
+def _inverse(offset: float, beyond: float, points: Array) -> Configurations:
+    """Return all q with the tool at points (K, 3): (A, r + l_T) turned by phi is (x, y), and xi = z."""
+    x, y, z = points.T
+    distance = np.hypot(x, y)
+    scale = distance + abs(offset) + abs(beyond)
+    square = (distance - abs(offset)) * (distance + abs(offset))
+    along = np.sqrt(np.maximum(square, 0.0))
+    free = distance <= TINY * scale
+    solutions = []
+    for side in (along, -along):
+        phi = np.where(free, np.nan, wrapped(np.arctan2(y, x) - np.arctan2(side, offset)))
+        solutions.append(np.stack([phi, z, side - beyond], axis=1))
+    return Configurations(
+        np.stack(solutions, axis=1),
+        ("tool ahead of the axis, r + l_T >= 0", "tool behind the axis, r + l_T <= 0"),
+        {"nearer to the vertical axis than the offset A": square < -TINY * scale**2},
+        {"the arm ends at the foot of the offset, r + l_T = 0": along <= NEAR * scale},
     )
 
 

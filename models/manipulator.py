@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from models.frames import Frame
+from models.inverse_kinematics import Inverse
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class Manipulator:
     frames: Mapping[str, Callable[[ca.SX], Frame]]  # name -> maker, called with the metric that effects add
     nominal: Mapping[str, float]  # every parameter, SI
     symbols: Mapping[str, ca.SX]  # the parameters that stay symbols
+    inverse: Inverse | None = None  # inverse kinematics of the tool point in closed form, for the nominal parameters
 
     def __repr__(self) -> str:
         coordinates = ", ".join(f"{c.name} [{c.unit}]" for c in self.coordinates)

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
 from models.frames import Frame, curl, fixed, partial_derivative
 from models.manipulator import Manipulator
-from models.terms import Effect, Terms, gather
+from models.terms import Effect, Part, Quantity, Terms, gather
 
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """A machine and the sum of what its effects add, in the symbols q, v and tau."""
+    """A machine and what each of its effects adds, in the symbols q, v, those of states and the control."""
 
     machine: Manipulator
-    terms: Terms
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def terms(self) -> Terms:
+        """Sum of the terms of all effects."""
+        return sum((part.terms for part in self.parts), Terms())
 
     @property
     def metric(self) -> ca.SX:
@@ -25,9 +31,85 @@ class Mechanics:
         return self.machine.metric if self.terms.metric is None else self.machine.metric + self.terms.metric
 
     @property
+    def control(self) -> Quantity:
+        """(n,) control: of the drives, of the motors if joints are elastic, or the force on the joints itself."""
+        coordinates = self.machine.coordinates
+        if self.terms.source is not None:
+            return self.terms.source.control
+        elastic = self.terms.transmission
+        units = tuple(c.force_unit for c in coordinates)
+        if elastic is not None:
+            return Quantity(elastic.motor_tau, units, tuple(f"motor_tau_{c.name}" for c in coordinates))
+        return Quantity(self.machine.tau, units, tuple(f"tau_{c.name}" for c in coordinates))
+
+    @cached_property
+    def motors(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Position, velocity and torque of the motors, (n,) each, in units of the joints."""
+        elastic = self.terms.transmission
+        if elastic is None:
+            return self.machine.q, self.machine.v, self.tau
+        return elastic.motor_q, elastic.motor_v, self.resolved(elastic.motor_tau)
+
+    @cached_property
+    def tau(self) -> ca.SX:
+        """(n,) force of the drives on the joints [N m or N]."""
+        return self.resolved(self.machine.tau)
+
+    @property
+    def applied(self) -> ca.SX:
+        """(n,) generalised forces of effects that are not in the potential, none at all as structural zeros."""
+        n = self.machine.q.numel()
+        return ca.SX(n, 1) if self.terms.force is None else self.resolved(self.terms.force)
+
+    @property
     def force(self) -> ca.SX:
         """(n,) generalised forces that are not in the potential: drives and effects."""
-        return self.machine.tau if self.terms.force is None else self.machine.tau + self.terms.force
+        return self.tau if self.terms.force is None else self.tau + self.applied
+
+    def resolved(self, expression: ca.SX) -> ca.SX:
+        """Return an expression of an effect with what it reads, and what the drives make of the control, put in.
+
+        Raises:
+            ValueError: an effect reads a signal that nobody defines, or signals depend on each other in a circle.
+        """
+        symbols, meanings = self._wires
+        if not symbols:
+            return expression
+        known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
+        for _ in range(len(symbols) + 1):
+            if not any(symbol.element_hash() in known for symbol in ca.symvar(expression)):
+                return expression
+            (expression,) = ca.substitute([expression], symbols, meanings)
+        names = ", ".join(sorted({read.name for read in self.terms.reads}))
+        raise ValueError(f"effects read signals that depend on each other in a circle: {names}")
+
+    @cached_property
+    def _wires(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        machine, terms = self.machine, self.terms
+        source, elastic = terms.source, terms.transmission
+        motor_tau = machine.tau if elastic is None else elastic.motor_tau
+        pairs = [] if source is None else [(motor_tau, source.torque)]
+        pairs += [] if elastic is None else [(machine.tau, elastic.torque)]
+        if terms.reads:
+            motion = (machine.q, machine.v) if elastic is None else (elastic.motor_q, elastic.motor_v)
+            known = {
+                "q": machine.q, "v": machine.v, "tau": machine.tau, "tool": machine.tool,
+                "tool_v": ca.jtimes(machine.tool, machine.q, machine.v),
+                "motor_q": motion[0], "motor_v": motion[1], "motor_tau": motor_tau,
+                **{name: quantity.expression for name, quantity in terms.signals.items()},
+                **{name: state.symbol for name, state in terms.states.items()},
+            }  # fmt: skip
+            for read in terms.reads:
+                if read.name not in known:
+                    raise ValueError(
+                        f"{read.reader} reads the signal {read.name!r}, which no effect of the list defines; "
+                        f"add {read.cure} (signals here: {', '.join(known)})"
+                    )
+                if known[read.name].numel() != read.symbol.numel():
+                    raise ValueError(f"{read.reader} reads {read.symbol.numel()} components of the signal "
+                                     f"{read.name!r}, which has {known[read.name].numel()}")  # fmt: skip
+                pairs.append((read.symbol, known[read.name]))
+        return [symbol for symbol, _ in pairs], [ca.densify(meaning) for _, meaning in pairs]
 
     @property
     def parameters(self) -> dict[str, ca.SX]:
@@ -49,6 +131,25 @@ class Mechanics:
             for body in (*self.machine.bodies, *self.terms.bodies):
                 total = total + body.mass * ca.dot(-self.terms.acceleration, body.centre)
         return total
+
+    def at_rest(self) -> list[ca.SX]:
+        """Return what vanishes at rest beside v: velocities of elastic motors, and forces that no control can jump to.
+
+        On a joint whose drive has a state the force is tau - dU/dq + forces of effects, which is g a at v = 0.
+        """
+        control = self.control.expression
+        _, motor_v, motor_tau = self.motors
+        net = self.force - ca.gradient(self.potential, self.machine.q)
+        found = []
+        for i in range(self.machine.q.numel()):
+            elastic = not ca.depends_on(motor_v[i], self.machine.v)
+            if elastic:
+                found.append(motor_v[i])
+            if elastic and not ca.depends_on(motor_tau[i], control):
+                found.append(motor_tau[i] - self.tau[i])
+            if not ca.depends_on(self.tau[i], control):
+                found.append(net[i])
+        return found
 
     def frame(self, chosen: str | Frame | None) -> Frame:
         """Return the frame called `chosen` (default "regular"), or `chosen` itself, with what effects add."""
@@ -87,7 +188,7 @@ def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:
 
     Args:
         machine: a Manipulator.
-        effects: in any order that makes sense; each sees the terms of those before it.
+        effects: in any order.
 
     Raises:
         TypeError, ValueError: see `models.terms.gather`.

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
+import numpy as np
 
 from models.cylinder import about_axis
 from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, lists_its_parameters, read, unit_of
 
@@ -142,6 +146,32 @@ def spherical(
         },
         nominal=p.nominal,
         symbols=p.symbols,
+        inverse=partial(_inverse, p.nominal["l_T"]),
+    )
+
+
+def _inverse(beyond: float, points: Array) -> Configurations:
+    """Return all q with the tool at points (K, 3) = (r + l_T) n(theta, psi); phi is free."""
+    x, y, z = points.T
+    across, reach = np.hypot(x, y), np.linalg.norm(points, axis=1)
+    scale = reach + abs(beyond)
+    vertical, centre = across <= TINY * scale, reach <= TINY * scale
+    free = np.full(len(points), np.nan)
+    solutions, branches = [], []
+    for side, ahead in ((1.0, "r + l_T >= 0"), (-1.0, "r + l_T <= 0")):
+        for tilt, leaning in ((1.0, "theta >= 0"), (-1.0, "theta <= 0")):
+            branches.append(f"{ahead}, {leaning}")
+            theta = np.where(centre, np.nan, tilt * np.arctan2(across, side * z))
+            psi = np.where(vertical, np.nan, np.arctan2(-side * tilt * x, side * tilt * y))
+            solutions.append(np.stack([theta, psi, free, side * reach - beyond], axis=1))
+    return Configurations(
+        np.stack(solutions, axis=1),
+        tuple(branches),
+        {},
+        {
+            "the tool on the vertical axis, psi is free": across <= NEAR * scale,
+            "the tool at the centre of rotation, theta and psi are free": reach <= NEAR * scale,
+        },
     )
 
 

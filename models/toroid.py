@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from models.cylinder import about_axis
 from models.frames import Frame, coordinate, fixed, ldl, udu
 from models.inertia import check_mass, check_moment, check_tensor
+from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, Parameters, lists_its_parameters, read, unit_of
 
@@ -119,6 +121,43 @@ def torus(
         frames=frames,
         nominal=p.nominal,
         symbols=p.symbols,
+        inverse=partial(_inverse, p.nominal["B"], p.nominal["L_2"], p.nominal["L_3"] / 2 + p.nominal["l_T"]),
+    )
+
+
+def _inverse(offset: float, inner: float, outer: float, points: Array) -> Configurations:
+    """Return all q with the tool at points (K, 3): (h, B) turned by q1 is (x, y), and two links reach (h, z)."""
+    x, y, z = points.T
+    distance = np.hypot(x, y)
+    square = (distance - abs(offset)) * (distance + abs(offset))
+    ahead = np.sqrt(np.maximum(square, 0.0))
+    reach = np.hypot(ahead, z)
+    scale = distance + np.abs(z) + inner + abs(outer)
+    beyond_reach = (inner + abs(outer) - reach) * (inner + abs(outer) + reach)
+    within = (reach - abs(inner - abs(outer))) * (reach + abs(inner - abs(outer)))
+    # tan(q3 / 2)^2 from the two differences keeps its digits where the arm is stretched or folded.
+    bend = 2.0 * np.arctan2(np.sqrt(np.maximum(beyond_reach, 0.0)), np.sqrt(np.maximum(within, 0.0)))
+    bend = bend if outer >= 0.0 else np.pi - bend
+    on_axis, at_shoulder = distance <= TINY * scale, reach <= TINY * scale
+    solutions = []
+    for h in (ahead, -ahead):
+        for q3 in (bend, -bend):
+            q1 = np.where(on_axis, np.nan, wrapped(np.arctan2(y, x) - np.arctan2(offset, h)))
+            q2 = wrapped(np.arctan2(z, h) - np.arctan2(outer * np.sin(q3), inner + outer * np.cos(q3)))
+            solutions.append(np.stack([q1, np.where(at_shoulder, np.nan, q2), q3], axis=1))
+    return Configurations(
+        np.stack(solutions, axis=1),
+        ("ahead, q3 >= 0", "ahead, q3 <= 0", "behind, q3 >= 0", "behind, q3 <= 0"),
+        {
+            "nearer to the vertical axis than the offset B": square < -TINY * scale**2,
+            "farther than the stretched arm reaches": beyond_reach < -TINY * scale**2,
+            "nearer to the shoulder than the folded arm reaches": within < -TINY * scale**2,
+        },
+        {
+            "the arm is stretched, q3 = 0": beyond_reach <= NEAR * scale**2,
+            "the arm is folded, q3 = pi": within <= NEAR * scale**2,
+            "the tool above the shoulder, h = 0, q1 is free or turns back": ahead <= NEAR * scale,
+        },
     )
 
 

@@ -70,8 +70,8 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
         V = sum of multipliers of limits of states times the excess between the nodes,
 
     phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
-    of Newton's method from the interpolant). `cost` is 2 (|D| + G + O + V) and what the solver left. To first order in the disturbances it bounds
-    the error of a local optimum; it does not see other ones. A free duration that is not the cost itself is taken to
+    of Newton's method from the interpolant). `cost` is 2 (|D| + G + O + V) and what the solver left. To first order in
+    the disturbances it bounds the error of a local optimum; it does not see other ones. A free duration that is not the cost itself is taken to
     be as wrong, relatively, as the cost times the order of the scheme.
 
     Args:

@@ -47,6 +47,8 @@ def extend(system: System) -> System:
             name: faster,
         },
         notes=(*system.notes, f"extended: the control is the rate {name!r}"),
+        limits=system.limits,
+        initial=system.initial,
     )
 
 

@@ -29,6 +29,7 @@ DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
+PATIENCE = 20.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
 GAP = 1e-7  # share of the cost that wrong controls may leave
 EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
 WEIGHT = 1e-2  # of undetermined controls, share of the cost per second
@@ -97,8 +98,9 @@ def polish(
     limits = state_limits(problem)
     allowed = solution.cost + _doubt(problem, solution)
     coarse, reason, solves, iterations = solution, "", 0, 0
+    until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
     for reading in range(READINGS):
-        tried = _settle(problem, limits, coarse, scheme, settings)
+        tried = _settle(problem, limits, coarse, scheme, settings, until)
         solves, iterations = solves + tried.solves, iterations + tried.iterations
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
@@ -107,7 +109,7 @@ def polish(
                 return _polished(problem, limits, solution, tried, scheme, (iterations, seconds))
             found = tried.motion.answer.cost
             reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
-        if reading + 1 < READINGS:
+        if reading + 1 < READINGS and time.perf_counter() < until:
             finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
                           solution.values)  # fmt: skip
             solves, iterations = solves + 1, iterations + finer.iterations
@@ -118,14 +120,14 @@ def polish(
 
 
 def _settle(
-    problem: Problem, limits: tuple[StateLimit, ...], coarse: Solution, scheme: Scheme, settings: Ipopt
+    problem: Problem, limits: tuple[StateLimit, ...], coarse: Solution, scheme: Scheme, settings: Ipopt, until: float
 ) -> _Try:
     """Read a structure, solve it and revise it until nothing is wrong."""
     arcs, guess = read(problem, coarse, limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
     solves = iterations = level = steps = 0
     singular = set(undetermined(problem).tolist())
-    while solves < REVISIONS + DOUBLINGS + PROXIMAL:
+    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
         elements = _elements(arcs, level)
         loose = any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in singular)
         weight = WEIGHT * abs(coarse.cost) / coarse.duration if loose else 0.0
@@ -229,7 +231,7 @@ def _as_solution(
         coarse, status=motion.answer.status, solver_status=motion.answer.verbatim, duration=motion.duration,
         cost=motion.answer.cost - motion.price, states=motion.states, controls=motion.controls, slopes=slopes,
         costates=motion.costates, free=free, values=values, grid=motion.grid, scheme=scheme, problem=problem,
-        rung="polish", log=motion.answer.log,
+        rung="polish", log=motion.answer.log, multipliers=None, accuracy=None,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ocp.constraint import Constraint, Where, simple
+from ocp.constraint import Constraint, Where, along, simple
 from ocp.system import Label, System
 
 
@@ -80,7 +80,8 @@ class Problem:
         system: x' = f(x, u, p).
         horizon: Free or Fixed.
         minimise: the cost.
-        subject_to: made by start, end, along, periodic, inside, outside.
+        subject_to: made by start, end, along, periodic, inside, outside. The limits of the system itself are added;
+            along(..., name=) with the name of such a limit takes its place.
 
     Raises:
         TypeError: a part of the wrong kind.
@@ -106,6 +107,8 @@ class Problem:
             if not isinstance(constraint, Constraint):
                 raise TypeError(f"Problem: subject_to has {constraint!r}, expected start(...), end(...) or along(...)")
             self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
+        own = {name: sides for name, sides in self.system.limits.items() if name not in {c.name for c in constraints}}
+        constraints += tuple(along(self.system[name], *sides, name=name) for name, sides in own.items())
         object.__setattr__(self, "subject_to", constraints)
         self.system.check_symbols("Bolza: running", self.minimise.running)
         self.system.check_symbols("Bolza: final", self.minimise.final)
@@ -122,6 +125,8 @@ class Problem:
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
         """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
         system, size = self.system, constraint.expression.numel()
+        if len(system.labels.get(constraint.name, ())) == size:
+            return system.labels[constraint.name]
         if constraint.name:
             return (
                 (Label(constraint.name),)

@@ -106,9 +106,9 @@ class Solution:
     problem: Problem | None  # None if loaded from a file without it
     rung: str = "given guess"  # which first guess led here
     log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
-    structure: Structure | None = None  # switching structure of a polished solution
     multipliers: Multipliers | None = None  # None if loaded from a file of version 1
     accuracy: Accuracy | None = None  # of a rung of solve_to_accuracy; not saved, `estimate` gives its errors again
+    structure: Structure | None = None  # switching structure of a polished solution
 
     @property
     def ok(self) -> bool:

@@ -28,7 +28,8 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write a solution to one NPZ file; an existing file is replaced only when the new one is complete.
 
     Arrays `states` (N, m, nx), `controls` (N, c, nu), `slopes` (N, e, nx), `costates` (N, d, nx), `ends` (N + 1,),
-    `limits_x`, `limits_u`, `limits_path`, `limits_ends` as in `Multipliers`, and `about`, a JSON text with everything else. No pickle: any NPZ reader opens it.
+    `limits_x`, `limits_u`, `limits_path`, `limits_ends` as in `Multipliers`, and `about`, a JSON text with everything
+    else. No pickle: any NPZ reader opens it.
 
     Args:
         solution: of any status.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
+
+Side = float | Sequence[float] | np.ndarray | None  # of a limit
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,9 @@ class System:
         nominal: value of every parameter, in the order of p.
         labels: signal name (or "x", "u") -> one Label for each component; missing ones are numbered.
         notes: sentences about how the system was built.
+        limits: signal name -> (lower, upper), scalars or one for each component, None for none; what the system itself
+            keeps to along every motion. Every Problem has them.
+        initial: signal name -> value at t = 0 that a motion starts with unless it says otherwise, such as a clock.
 
     Raises:
         TypeError: a part is not symbolic.
@@ -48,6 +53,8 @@ class System:
     nominal: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    limits: Mapping[str, tuple[Side, Side]] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("x", "u", "p", "rate"):
@@ -79,11 +86,14 @@ class System:
             size = (self.x if name == "x" else self.u if name == "u" else self[name]).numel()
             if len(labels) != size:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
+        for name in (*self.limits, *self.initial):
+            self[name]
 
     def __reduce__(self) -> tuple[object, ...]:
         # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.
         function = ca.Function("system", [self.x, self.u, self.p], [ca.densify(self.rate), *self.signals.values()])
-        return rebuild, (function, tuple(self.signals), dict(self.nominal), dict(self.labels), self.notes)
+        data = (dict(self.nominal), dict(self.labels), self.notes, dict(self.limits), dict(self.initial))
+        return rebuild, (function, tuple(self.signals), *data)
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p."""
@@ -141,6 +151,8 @@ def rebuild(
     nominal: Mapping[str, float],
     labels: Mapping[str, tuple[Label, ...]],
     notes: tuple[str, ...],
+    limits: Mapping[str, tuple[Side, Side]],
+    initial: Mapping[str, float],
 ) -> System:
     """Return the System that a function (x, u, p) -> (rate, *signals) stands for, on new symbols.
 
@@ -150,7 +162,10 @@ def rebuild(
         nominal: parameter values.
         labels: of the signals.
         notes: sentences.
+        limits: by signal.
+        initial: by signal.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *signals = function.call([x, u, p])
-    return System(x, u, p, rate, dict(zip(names, signals, strict=True)), nominal, labels, notes)
+    named = dict(zip(names, signals, strict=True))
+    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial)

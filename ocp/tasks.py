@@ -24,6 +24,9 @@ def point_to_point(
 ) -> Problem:
     """Return the rest-to-rest problem from q0 to q1: q(0) = q0, q(T) = q1, v(0) = v(T) = 0.
 
+    Where v = 0 does not make a rest, as the drives have states, the signal "rest" is zero at both ends in its place;
+    signals with an initial value of their own start with it.
+
     Args:
         system: with signals "q" and "v".
         q0, q1: (n,) positions, units of the signal "q".
@@ -43,8 +46,10 @@ def point_to_point(
             raise ValueError(f"point_to_point: minimise is {minimise!r}, expected 'time' or a Bolza cost")
         minimise = Bolza(time=1.0)
     bounded = tuple(along(system[name], *_sides(name, limit)) for name, limit in limits.items())
-    rest = (start(system["q"], q0), start(system["v"], 0.0), end(system["q"], q1), end(system["v"], 0.0))
-    return Problem(system, Free() if horizon is None else horizon, minimise, (*rest, *bounded))
+    still = system.signals.get("rest", system["v"])
+    rest = (start(system["q"], q0), start(still, 0.0), end(system["q"], q1), end(still, 0.0))
+    initial = tuple(start(system[name], value) for name, value in system.initial.items())
+    return Problem(system, Free() if horizon is None else horizon, minimise, (*rest, *initial, *bounded))
 
 
 def _sides(name: str, limit: Limit | tuple[Limit, Limit]) -> tuple[Limit, Limit]:

@@ -51,7 +51,7 @@ def time_optimal(solution: Solution, machine: Manipulator, torques: np.ndarray, 
             if name == "tau":
                 axes.plot(points, torques[:, i], "+", color=ACCENT, markersize=3.5, markeredgewidth=0.7, zorder=5)
             _draw_limits(axes, low[i], high[i])
-            axes.set_ylabel(_pretty(str(label)), fontsize=9)
+            axes.set_ylabel(pretty(str(label)), fontsize=9)
             axes.tick_params(labelsize=8, labelbottom=i == n - 1)
             axes.grid(visible=True, color="#e5e8eb", linewidth=0.6)
             axes.margins(x=0.01)
@@ -135,7 +135,8 @@ def _path_in_space(figure: Figure, place: object, solution: Solution, machine: M
     axes.set_title("path of the tool, and the arm at seven equal times", fontsize=10)
 
 
-def _pretty(label: str) -> str:
+def pretty(label: str) -> str:
+    """Return a label with its letters as mathematics."""
     greek = ("theta", "psi", "phi", "xi")
     name, _, unit = label.partition(" ")
     for letter in greek:

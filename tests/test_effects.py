@@ -145,9 +145,22 @@ def test_names_that_are_taken(form):
             form(arm, [Heating(), taken])
 
 
-def test_inverse_dynamics_refuses_states():
-    with pytest.raises(ValueError, match="temperature, oil"):
-        inverse_dynamics(machine("torus"), [Gravity(), Heating(), Heating("oil", "friction")])
+@dataclass(frozen=True)
+class Stiffening:
+    """A force that depends on a state, which the motion does not fix."""
+
+    def __call__(self, machine, so_far):
+        wear = ca.SX.sym("wear")
+        return Terms(force=-wear * machine.v, states={"wear": State(wear, ca.dot(machine.v, machine.v), "1")})
+
+
+def test_inverse_dynamics_needs_no_states_but_those_that_forces_depend_on():
+    arm = machine("torus")
+    q, v, a = states(arm, seed=5)
+    idle = [Gravity(), Heating(), Heating("oil", "friction")]
+    assert np.array_equal(torques_of(arm, idle, q, v, a), torques_of(arm, [Gravity()], q, v, a))
+    with pytest.raises(ValueError, match=r"forces of effects depend on wear, which q\(t\) alone does not fix"):
+        inverse_dynamics(arm, [*idle, Stiffening()])
 
 
 @EACH_FORM

@@ -26,8 +26,8 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
 
 
-def test_there_are_the_three_stories_and_an_effect() -> None:
-    assert len(STORIES) == 4
+def test_there_are_the_stories_and_effects() -> None:
+    assert len(STORIES) == 5
 
 
 @pytest.mark.parametrize("number", range(len(STORIES)))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
+from models.effects.fields import quantity, read_fields
 from models.manipulator import Manipulator
-from models.parameters import Parameters, Value, number, read
+from models.parameters import Value, number
 from models.terms import Terms
 
 
@@ -26,11 +27,11 @@ class Gravity:
         ValueError: g is not finite, or the direction is not a finite vector of three numbers other than zero.
     """
 
-    g: Value = 9.81
-    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    g: Value = quantity("m/s^2", 9.81, scalar=True)
+    direction: tuple[float, float, float] = field(default=(0.0, 0.0, -1.0), metadata={"unit": "m/m"})
 
     def __post_init__(self) -> None:
-        self._read()
+        read_fields(self, "g")
         try:
             components = [number("gravity.direction", d, "m/m") for d in self.direction]
         except TypeError:
@@ -40,11 +41,7 @@ class Gravity:
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the field; it acts on all masses, those that other effects attach included."""
-        parameters = self._read()
+        fields = read_fields(self, "g")
         unit = np.array(self.direction, dtype=float) / np.linalg.norm(self.direction)
-        nominal = dict.fromkeys(parameters.symbols, parameters.nominal["g"])
-        field = parameters["g"] * ca.sparsify(ca.SX(ca.DM(unit)))
-        return Terms(acceleration=field, symbols=parameters.symbols, nominal=nominal)
-
-    def _read(self) -> Parameters:
-        return read({"g": self.g}, lambda _: "m/s^2", prefix="gravity.")
+        acceleration = fields["g"] * ca.sparsify(ca.SX(ca.DM(unit)))
+        return Terms(acceleration=acceleration, symbols=fields.symbols, nominal=fields.nominal)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.factorisation import factorise
-from models.forms.state_space import as_system, symbols
+from models.forms.state_space import Equations, as_system, symbols
 from models.frames import Frame
 from models.manipulator import Manipulator
-from models.mechanics import Partials, assemble, momentum_rate
+from models.mechanics import Mechanics, Partials, assemble, momentum_rate
 from models.terms import Effect
 from ocp.system import System
 
@@ -29,9 +29,12 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (2.3); (3.5), (4.7), (5.7).
     """
-    mechanics = assemble(machine, effects)
-    basis = mechanics.frame(frame)
-    p = symbols("p", basis.q.numel())
-    w = factorise(basis.metric).solve(p)
-    v = basis.inverse @ w
-    return as_system(mechanics, basis, p, w, v, momentum_rate(mechanics, basis, w, p, Partials.of(basis)))
+
+    def equations(mechanics: Mechanics) -> Equations:
+        basis = mechanics.frame(frame)
+        p = symbols("p", basis.q.numel())
+        w = factorise(basis.metric).solve(p)
+        rate = momentum_rate(mechanics, basis, w, p, Partials.of(basis))
+        return Equations(basis, p, w, basis.inverse @ w, rate)
+
+    return as_system(assemble(machine, effects), equations)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.factorisation import factorise
-from models.forms.state_space import as_system
+from models.forms.state_space import Equations, as_system
 from models.frames import Frame
 from models.manipulator import Manipulator
-from models.mechanics import Partials, assemble, momentum_rate
+from models.mechanics import Mechanics, Partials, assemble, momentum_rate
 from models.terms import Effect
 from ocp.system import System
 
@@ -31,12 +31,15 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (3.1), (4.1), (5.4).
     """
-    mechanics = assemble(machine, effects)
-    basis = mechanics.frame(frame)
-    v = machine.v
-    w = basis.matrix @ v
-    partials = Partials.of(basis)
-    moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
-    w_rate = factorise(basis.metric).solve(moved)
-    turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
-    return as_system(mechanics, basis, v, w, v, basis.inverse @ (w_rate - turning))
+
+    def equations(mechanics: Mechanics) -> Equations:
+        basis = mechanics.frame(frame)
+        v = machine.v
+        w = basis.matrix @ v
+        partials = Partials.of(basis)
+        moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
+        w_rate = factorise(basis.metric).solve(moved)
+        turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
+        return Equations(basis, v, w, v, basis.inverse @ (w_rate - turning))
+
+    return as_system(assemble(machine, effects), equations)

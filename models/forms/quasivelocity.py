@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.factorisation import factorise
-from models.forms.state_space import as_system, symbols
+from models.forms.state_space import Equations, as_system, symbols
 from models.frames import Frame
 from models.manipulator import Manipulator
-from models.mechanics import Partials, assemble, momentum_rate
+from models.mechanics import Mechanics, Partials, assemble, momentum_rate
 from models.terms import Effect
 from ocp.system import System
 
@@ -29,10 +29,13 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (1.6a); (3.4), (4.6), (5.6).
     """
-    mechanics = assemble(machine, effects)
-    basis = mechanics.frame(frame)
-    w = symbols("w", basis.q.numel())
-    v = basis.inverse @ w
-    partials = Partials.of(basis)
-    moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
-    return as_system(mechanics, basis, w, w, v, factorise(basis.metric).solve(moved))
+
+    def equations(mechanics: Mechanics) -> Equations:
+        basis = mechanics.frame(frame)
+        w = symbols("w", basis.q.numel())
+        v = basis.inverse @ w
+        partials = Partials.of(basis)
+        moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
+        return Equations(basis, w, w, v, factorise(basis.metric).solve(moved))
+
+    return as_system(assemble(machine, effects), equations)

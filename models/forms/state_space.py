@@ -2,94 +2,148 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import casadi as ca
 
-from models.frames import Frame
+from models.frames import Frame, without_negligible
 from models.mechanics import Mechanics
+from models.terms import Quantity
 from ocp.system import Label, System
 
 
-def as_system(
-    mechanics: Mechanics,
-    frame: Frame,
-    symbol: ca.SX,
-    w: ca.SX,
-    v: ca.SX,
-    symbol_rate: ca.SX,
-) -> System:
-    """Return the System with x = [q; symbol; states of effects] and u = tau.
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """Equations of motion in velocity coordinates of a form."""
+
+    frame: Frame  # in which w is meant
+    symbol: ca.SX  # (n,) symbols of v, w or p, whichever the form has as state
+    w: ca.SX  # (n,) quasi-velocities in terms of q and symbol
+    v: ca.SX  # (n,) velocities dq/dt in terms of q and symbol
+    rate: ca.SX  # (n,) d(symbol)/dt
+
+
+Form = Callable[[Mechanics], Equations]
+
+
+def as_system(mechanics: Mechanics, form: Form) -> System:
+    """Return the System with x = [q; symbol; states of effects] and u = the control, tau for ideal drives.
 
     Args:
         mechanics: machine and effects.
-        frame: in which w is meant.
-        symbol: (n,) symbols of v, w or p, whichever the form has as state.
-        w: (n,) quasi-velocities in terms of q and symbol.
-        v: (n,) velocities dq/dt in terms of q and symbol.
-        symbol_rate: (n,) d(symbol)/dt.
+        form: makes the equations of motion from the mechanics.
+
+    Raises:
+        ValueError: an effect defines a signal that every machine has, or reads one that nobody defines.
     """
-    machine, terms = mechanics.machine, mechanics.terms
-    states = terms.states
-    extra_rates = [ca.substitute(state.rate, machine.v, v) for state in states.values()]
-    x = ca.vertcat(machine.q, symbol, *(state.symbol for state in states.values()))
-    parameters = mechanics.parameters
-    nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
+    machine, terms, states = mechanics.machine, mechanics.terms, mechanics.terms.states
+    equations = form(mechanics)
+    frame, symbol, w = equations.frame, equations.symbol, equations.w
     kind = symbol[0].name()[0]
-    signals = {
-        "q": machine.q,
-        "v": v,
-        "tau": machine.tau,
-        "tool": machine.tool,
-        "power": ca.dot(machine.tau, v),
-        "energy": ca.dot(w, frame.metric @ w) / 2 + mechanics.potential,
-    }
-    if kind != "v":
-        signals[kind] = symbol
-    units = [(c.name, c.unit) for c in machine.coordinates]
-    labels = {
-        "q": tuple(Label(name, unit) for name, unit in units),
-        "v": tuple(Label(f"d{name}/dt", f"{unit}/s") for name, unit in units),
-        "tau": tuple(Label(f"tau_{c.name}", c.force_unit) for c in machine.coordinates),
-        "tool": tuple(Label(f"tool_{axis}", "m") for axis in "xyz"),
-        "power": (Label("power", "W"),),
-        "energy": (Label("energy", "J"),),
-    }
-    labels["x"] = labels["q"] + (labels["v"] if kind == "v" else tuple(Label(s.name()) for s in ca.vertsplit(symbol)))
-    labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
-    labels["u"] = labels["tau"]
-    for drive, coordinate, force in zip(machine.drives, machine.coordinates, ca.vertsplit(machine.tau), strict=True):
-        signals[drive.name] = drive.sign * force
-        labels[drive.name] = (Label(drive.name, coordinate.force_unit),)
+    third = {} if kind == "v" else {kind: Quantity(symbol, "", tuple(s.name() for s in ca.vertsplit(symbol)))}
+    kinetic = ca.dot(w, frame.metric @ w) / 2
+    published = {**_of_every_machine(mechanics, kinetic), **third}
     for name, quantity in terms.signals.items():
-        if name in signals:
+        if name in published:
             raise ValueError(f"an effect defines the signal {name!r}, which every machine has; rename it")
-        signals[name] = ca.substitute(quantity.expression, machine.v, v)
-        labels[name] = tuple(Label(name, quantity.unit) for _ in range(quantity.expression.numel()))
+        published[name] = quantity
     for name, state in states.items():
-        if name in signals:
+        if name in published:
             raise ValueError(f"an effect defines the state {name!r}, which is a signal already; rename it")
-        signals[name], labels[name] = state.symbol, (Label(name, state.unit),)
+        published[name] = Quantity(state.symbol, state.unit)
+
+    signals = {name: _final(mechanics, equations, quantity.expression) for name, quantity in published.items()}
+    labels = {name: tuple(Label(*pair) for pair in quantity.labelled(name)) for name, quantity in published.items()}
+    labels["x"] = labels["q"] + labels["v" if kind == "v" else kind]
+    labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
+    labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
+    x, u, p, rate = _rate(mechanics, equations)
     return System(
         x=x,
-        u=machine.tau,
-        p=ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1),
-        rate=ca.cse(ca.densify(ca.vertcat(v, symbol_rate, *extra_rates))),
+        u=u,
+        p=p,
+        rate=rate,
         signals=signals,
-        nominal=nominal,
+        nominal={**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal},
         labels=labels,
-        notes=coupling(mechanics, frame),
+        notes=coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions()),
+        limits=terms.limits,
+        initial={name: state.initial for name, state in states.items() if state.initial is not None},
     )
 
 
-def coupling(mechanics: Mechanics, frame: Frame) -> tuple[str, ...]:
-    """Say which entries of the metric are off the diagonal in the frame, if any."""
+def _final(mechanics: Mechanics, equations: Equations, expression: ca.SX) -> ca.SX:
+    """Return an expression of an effect in terms of the states of the form and the control."""
+    return ca.substitute(mechanics.resolved(expression), mechanics.machine.v, equations.v)
+
+
+def _rate(mechanics: Mechanics, equations: Equations) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return x, u, p and dx/dt."""
+    states, parameters = mechanics.terms.states.values(), mechanics.parameters
+    x = ca.vertcat(mechanics.machine.q, equations.symbol, *(state.symbol for state in states))
+    u, p = mechanics.control.expression, ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
+    rates = [_final(mechanics, equations, state.rate) for state in states]
+    return x, u, p, ca.cse(ca.densify(ca.vertcat(equations.v, equations.rate, *rates)))
+
+
+def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantity]:
+    """Return the signals that do not depend on which effects there are, and those of the drives and of losses."""
+    machine, terms = mechanics.machine, mechanics.terms
+    names, units = tuple(c.name for c in machine.coordinates), tuple(c.unit for c in machine.coordinates)
+    forces = tuple(c.force_unit for c in machine.coordinates)
+    rates = tuple(f"{unit}/s" for unit in units)
+    motor_q, motor_v, motor_tau = mechanics.motors
+    found = {
+        "q": Quantity(machine.q, units, names),
+        "v": Quantity(machine.v, rates, tuple(f"d{name}/dt" for name in names)),
+        "tau": Quantity(mechanics.tau, forces, tuple(f"tau_{name}" for name in names)),
+        "tool": Quantity(machine.tool, "m", ("tool_x", "tool_y", "tool_z")),
+        "power": Quantity(ca.dot(motor_tau, motor_v), "W"),
+        "energy": Quantity(kinetic + mechanics.potential + terms.spring + terms.energy, "J"),
+    }
+    for i, drive in enumerate(machine.drives):
+        found[drive.name] = Quantity(drive.sign * mechanics.tau[i], forces[i])
+    if terms.transmission is not None:
+        found["motor_q"] = Quantity(motor_q, units, tuple(f"motor_q_{name}" for name in names))
+        found["motor_v"] = Quantity(motor_v, rates, tuple(f"motor_v_{name}" for name in names))
+        found["motor_tau"] = Quantity(motor_tau, forces, tuple(f"motor_tau_{name}" for name in names))
+    if terms.force is not None or not terms.dissipation.is_zero():
+        lost = mechanics.applied + ca.gradient(terms.spring, machine.q)
+        found["loss"] = Quantity(terms.dissipation - ca.dot(lost, machine.v), "W")
+    held = mechanics.at_rest()
+    if held:
+        size = machine.q.numel()
+        rest = ca.vertcat(machine.v, *held)
+        found["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - size))
+    return found
+
+
+def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tuple[str, ...]:
+    """Say which entries of the metric are off the diagonal in the frame, what put them there, and its price.
+
+    The price of an effect is the number of instructions of the rate with it, `count`, less that without it.
+    """
     if frame.diagonal:
         return ()
     n = frame.q.numel()
-    pairs = [f"({j + 1}, {i + 1})" for i in range(n) for j in range(i) if frame.metric.has_nz(i, j)]
-    by = "the effects and the machine" if mechanics.terms.metric is not None else "the machine's parameters"
+    pairs = ", ".join(f"({j + 1}, {i + 1})" for i in range(n) for j in range(i) if frame.metric.has_nz(i, j))
+    own = without_negligible(frame.inverse.T @ mechanics.machine.metric @ frame.inverse, frame.q)
+    diagonal = ca.Sparsity.diag(n)
+    culprits = [] if own.sparsity().is_subset(diagonal) else ["the parameters of the machine"]
+    for part in mechanics.parts:
+        if part.terms.metric is None or part.terms.metric.nnz() == 0:
+            continue
+        pulled = without_negligible(frame.inverse.T @ part.terms.metric @ frame.inverse, frame.q)
+        if not pulled.sparsity().is_subset(diagonal):
+            rest = Mechanics(mechanics.machine, tuple(other for other in mechanics.parts if other is not part))
+            *inputs, rate = _rate(rest, form(rest))
+            price = count - ca.Function("rate", inputs, [rate]).n_instructions()
+            culprits.append(f"the effect {part.name} (for {price} of {count} instructions)")
+    by = " and ".join(culprits)
     return (
-        f"the metric is not diagonal in the frame {frame.name!r}: {by} couple the quasi-velocities "
-        f"{', '.join(pairs)}; it is factorised as L D L' instead of divided by its diagonal",
+        f"the metric is not diagonal in the frame {frame.name!r}: the quasi-velocities {pairs} are coupled by {by}; "
+        "it is factorised as L D L' instead of divided by its diagonal",
     )
 
 

@@ -1,0 +1,142 @@
+"""Drives that do not deliver the torque at once: a lag, and joints that yield."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from models.effects.fields import Some, names_of, quantity, read_fields, units_of
+from models.manipulator import Manipulator
+from models.terms import Quantity, Rate, Source, State, Terms, Transmission
+
+
+@dataclass(frozen=True)
+class LaggedDrive:
+    """Drives whose torque follows a command with a lag of first order, T dtau/dt = command - tau.
+
+    Adds one state for each drive that lags, `drive_tau_<coordinate>` [N m or N], and makes the control the commanded
+    torque, the signal "command"; the parameters `lagged_drive.time_constant` (`..._1` ...) if they are Parameters.
+
+    Args:
+        time_constant: T > 0, one for all drives or one for each (None: ideal) [s].
+
+    Raises:
+        ValueError: a value is no finite number > 0.
+
+    Source: L. Sciavicco, B. Siciliano, Modelling and Control of Robot Manipulators, chapter 8 (a closed current loop).
+    """
+
+    time_constant: Some = quantity("s", above=0.0)
+
+    def __post_init__(self) -> None:
+        read_fields(self)
+
+    def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
+        """Return the states and the drive."""
+        fields = read_fields(self)
+        constants, units = fields.each("time_constant", machine), units_of(machine, force=True)
+        names = names_of(machine, "drive_tau")
+        command = Quantity(_column(machine, "command"), units, names_of(machine, "command"))
+        states: dict[str, State] = {}
+        torque = ca.SX(command.expression)
+        for i, constant in enumerate(constants):
+            if constant is not None:
+                symbol = ca.SX.sym(names[i])
+                states[names[i]] = State(symbol, (command.expression[i] - symbol) / constant, units[i])
+                torque[i] = symbol
+        lag = ca.vertcat(*(0.0 if constant is None else constant for constant in constants))
+
+        def invert(tau: ca.SX, v: ca.SX, rate: Rate) -> Mapping[str, Quantity]:
+            return {"command": Quantity(tau + lag * rate(tau), units, command.components)}
+
+        return Terms(
+            states=states, signals={"command": command}, source=Source(command, torque, invert),
+            symbols=fields.symbols, nominal=fields.nominal, defines={"drives": fields.prefix},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ElasticDrive:
+    """Joints that yield between motor and link, J theta'' = tau_motor - tau, tau = k (theta - q) + d (theta' - v).
+
+    theta is the position of the motor in units of its joint, J = N^2 J_rotor the rotor inertia reflected to it. The
+    rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, whose place it takes.
+
+    Adds two states for each elastic joint, `motor_q_<coordinate>` and `motor_v_<coordinate>`, and makes the control the
+    torque of the motors, the signal "motor_tau"; "motor_q" and "motor_v" are signals, "tau" is the force on the joint,
+    "power" that of the motors, "loss" has d (theta' - v)^2; the parameters `elastic_drive.stiffness`, ... if they
+    are Parameters. A drive with a lag or an electric motor may stand before it.
+
+    Args:
+        stiffness: k > 0, one for all joints or one for each (None: rigid) [N m/rad or N/m].
+        inertia: J > 0 of the motor, reflected to its joint [kg m^2 or kg].
+        damping: d >= 0 [N m s/rad or N s/m].
+
+    Raises:
+        ValueError: a value is no finite number in its range, or a joint that is not rigid lacks one.
+
+    Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987).
+    """
+
+    stiffness: Some = quantity("N m/rad or N/m", above=0.0)
+    inertia: Some = quantity("kg m^2 or kg", above=0.0)
+    damping: Some = quantity("N m s/rad or N s/m", 0.0, at_least=0.0)
+
+    def __post_init__(self) -> None:
+        read_fields(self)
+
+    def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
+        """Return the states and the transmission."""
+        fields, n = read_fields(self), machine.q.numel()
+        k, inertia, damping = (fields.each(name, machine) for name in ("stiffness", "inertia", "damping"))
+        elastic = [i for i in range(n) if k[i] is not None]
+        for i in elastic:
+            if inertia[i] is None:
+                raise ValueError(
+                    f"elastic_drive.inertia_{i + 1}: got None for a joint with a stiffness, expected kg m^2"
+                )
+        motor_tau, motor_q, motor_v = _column(machine, "motor_tau"), ca.SX(machine.q), ca.SX(machine.v)
+        torque, metric = ca.SX(motor_tau), ca.SX(n, n)
+        states: dict[str, State] = {}
+        energy = dissipation = ca.SX(0)
+        for i in range(n):
+            if i not in elastic:
+                if inertia[i] is not None:
+                    metric[i, i] = inertia[i]  # a rigid joint turns its rotor
+                continue
+            name, unit = machine.coordinates[i].name, machine.coordinates[i].unit
+            theta, speed = ca.SX.sym(f"motor_q_{name}"), ca.SX.sym(f"motor_v_{name}")
+            twist, slip, d = theta - machine.q[i], speed - machine.v[i], 0.0 if damping[i] is None else damping[i]
+            motor_q[i], motor_v[i], torque[i] = theta, speed, k[i] * twist + d * slip
+            states[theta.name()] = State(theta, speed, unit)
+            states[speed.name()] = State(speed, (motor_tau[i] - torque[i]) / inertia[i], f"{unit}/s")
+            energy += (inertia[i] * speed**2 + k[i] * twist**2) / 2
+            dissipation += d * slip**2
+
+        def invert(tau: ca.SX, rate: Rate) -> tuple[ca.SX, ca.SX, ca.SX]:
+            if not dissipation.is_zero():
+                raise ValueError(
+                    "drive_dynamics: elastic joints with damping; the motion at one instant does not fix their motors, "
+                    "use ElasticDrive(..., damping=0)"
+                )
+            q = ca.SX(machine.q)
+            for i in elastic:
+                q[i] += tau[i] / k[i]
+            v = rate(q)
+            a, needed = rate(v), ca.SX(tau)
+            for i in elastic:
+                needed[i] += inertia[i] * a[i]
+            return q, v, needed
+
+        return Terms(
+            metric=ca.sparsify(metric) if metric.nnz() else None, states=states, energy=energy, dissipation=dissipation,
+            transmission=Transmission(motor_tau, motor_q, motor_v, torque, invert),
+            symbols=fields.symbols, nominal=fields.nominal,
+            defines={"transmission": fields.prefix, "rotors": fields.prefix},
+        )  # fmt: skip
+
+
+def _column(machine: Manipulator, prefix: str) -> ca.SX:
+    return ca.vertcat(*(ca.SX.sym(name) for name in names_of(machine, prefix)))

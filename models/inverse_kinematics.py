@@ -1,0 +1,127 @@
+"""Inverse kinematics in closed form: all positions of a machine with its tool at given points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+TINY = 1e-12  # share of the size of the machine that is rounding
+NEAR = 1e-6  # share within which a point counts as singular
+
+
+@dataclass(frozen=True, eq=False)
+class Configurations:
+    """All solutions of tool(q) = point for K points.
+
+    A coordinate that may have any value is NaN. Rows of points that cannot be reached hold the nearest solution.
+    """
+
+    q: Array  # (K, m, n) [rad or m], angles in (-pi, pi]
+    branches: tuple[str, ...]  # (m,) what tells the solutions apart
+    unreachable: Mapping[str, Array]  # reason -> (K,) whether it holds
+    singular: Mapping[str, Array]  # name of the singularity -> (K,) whether the point is at it
+
+    @property
+    def reachable(self) -> Array:
+        """(K,) whether there is a solution."""
+        reached = np.ones(len(self.q), dtype=bool)
+        for fault in self.unreachable.values():
+            reached &= ~fault
+        return reached
+
+    def why(self, k: int) -> str:
+        """Return why point k cannot be reached; empty if it can."""
+        return "; ".join(reason for reason, fault in self.unreachable.items() if fault[k])
+
+    def singularities(self, k: int) -> tuple[str, ...]:
+        """Return the names of the singularities at point k."""
+        return tuple(name for name, at in self.singular.items() if at[k])
+
+
+Inverse = Callable[[Array], Configurations]  # points (K, 3) [m]
+
+
+def wrapped(angle: Array) -> Array:
+    """Return angles in (-pi, pi]."""
+    return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+
+
+def continuous(
+    configurations: Configurations, angular: Array, near: Array | None, limits: tuple[Array, Array]
+) -> Array:
+    """Return one solution for each point, so that the whole path turns as little as possible.
+
+    The shortest path through the graph of all solutions, angles continued beyond pi; a coordinate that may have any
+    value keeps the last one, at the beginning of the path the next one.
+
+    Args:
+        configurations: of the points of a path, in order.
+        angular: (n,) whether a coordinate is an angle.
+        near: (n,) where the path should begin; None: where it is shortest.
+        limits: lower and upper (n,) of the coordinates; a solution outside is left out.
+
+    Returns:
+        (K, n); a row of NaN where no solution is within the limits.
+
+    Source: G. D. Forney, The Viterbi algorithm, Proc. IEEE 61 (1973).
+    """
+    q = _within(configurations.q, angular, limits)
+    count, branches, n = q.shape
+    start = np.zeros(n) if near is None else near
+    cost = np.where(_lost(q[0], configurations.q[0]), np.inf, 0.0)
+    if near is not None:
+        cost = cost + np.linalg.norm(_step(q[0], start[None], angular), axis=-1)[:, 0] ** 2
+    came = np.zeros((count, branches), dtype=int)
+    for k in range(1, count):
+        move = np.linalg.norm(_step(q[k], q[k - 1], angular), axis=-1)  # (m now, m before)
+        total = np.where(np.isinf(cost)[None], np.inf, move**2 + cost[None])
+        came[k] = np.argmin(total, axis=1)
+        cost = np.where(_lost(q[k], configurations.q[k]), np.inf, total[np.arange(branches), came[k]])
+        if not np.any(np.isfinite(cost)):
+            return np.full((count, n), np.nan)
+    place = int(np.argmin(cost))
+    chosen = np.empty((count, n))
+    for k in range(count - 1, -1, -1):
+        chosen[k] = q[k, place]
+        place = came[k, place]
+    return continued(chosen, angular, near)
+
+
+def continued(q: Array, angular: Array, near: Array | None) -> Array:
+    """Return a path (K, n) with free values filled in and angles continued beyond pi."""
+    filled = q.copy()
+    for i in range(q.shape[1]):
+        known = np.flatnonzero(~np.isnan(q[:, i]))
+        if not len(known):
+            filled[:, i] = 0.0 if near is None else near[i]
+            continue
+        before = np.maximum(np.searchsorted(known, np.arange(len(q)), side="right") - 1, 0)
+        filled[:, i] = q[known[before], i]
+        if angular[i]:
+            turns = np.unwrap(filled[:, i])
+            shift = 0.0 if near is None else 2.0 * np.pi * np.round((near[i] - turns[0]) / (2.0 * np.pi))
+            filled[:, i] = turns + shift
+    return filled
+
+
+def _step(now: Array, before: Array, angular: Array) -> Array:
+    """Return the smallest differences (m, m', n); none for a free coordinate."""
+    step = now[:, None] - before[None]
+    return np.asarray(np.nan_to_num(np.where(angular, wrapped(step), step), nan=0.0))
+
+
+def _within(q: Array, angular: Array, limits: tuple[Array, Array]) -> Array:
+    """Return the solutions with those outside the limits made NaN in all coordinates, angles turned into them."""
+    low, high = limits
+    turned = q + np.where(angular & (q < low - TINY), 2.0 * np.pi, 0.0)
+    turned = turned - np.where(angular & (turned > high + TINY), 2.0 * np.pi, 0.0)
+    outside = np.any((turned < low - 1e-9) | (turned > high + 1e-9), axis=2)
+    return np.where(outside[..., None], np.nan, turned)
+
+
+def _lost(q: Array, given: Array) -> Array:
+    """Return which solutions (m,) were left out because of the limits."""
+    return np.asarray(np.all(np.isnan(q), axis=1) & ~np.all(np.isnan(given), axis=1))

@@ -1,0 +1,297 @@
+"""Drive torques of a given motion: summary, table, pictures.
+
+MOTION is a CSV table (t,q1,...; maybe v1,... and a1,...; t,x,y,z: points of the tool; without t: waypoints, run
+through as fast as --limit allows), a ROS JointTrajectory (.json, .yaml), a solution (.npz), or arrays t, q (.npz).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torque_picture
+from fastest_path import fastest
+
+from models import (
+    Envelope,
+    Manipulator,
+    Motion,
+    TorqueTable,
+    cylindrical,
+    inverse_dynamics,
+    spherical,
+    torus,
+    write_code,
+    write_function,
+)
+from models.effects import Gravity, Payload, Viscous
+from models.forms import canonical, hamel, lagrange
+from models.motion import labels_of
+from models.recording import Recording, as_trajectory
+from models.table_file import column_names, read_csv, read_waypoints
+from models.terms import Effect
+from models.tool_motion import through_tool_points
+from ocp import load
+from ocp.system import Label
+
+MACHINES: dict[str, Callable[[], Manipulator]] = {"cylindrical": cylindrical, "spherical": spherical, "torus": torus}
+FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
+TOOL = ("x", "y", "z")  # columns of a path of the tool
+LONG = 100_000  # rows from which progress is shown
+ROWS = 50_000  # written at once
+Say = Callable[[str], None]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; 0, 1 if a limit is exceeded, 2 for wrong usage or input."""
+    options = command_line().parse_args(arguments)
+    say: Say = print if not (options.quiet or options.json) else lambda _: None
+    try:
+        machine: Manipulator = MACHINES[options.machine]()
+        effects = effects_of(options)
+        limits = envelopes(options, machine)
+        motion = read_motion(options, machine, effects, say)
+        times = None if options.times is None else np.linspace(motion.start, motion.end, options.times)
+        table = motion.torques(machine, effects, times=times, limits=limits, progress=progress("inverse dynamics"))
+        say(f"{machine.name} manipulator, {', '.join(repr(e) for e in effects) or 'no effects'}")
+        say(repr(motion))
+        account = describe(say, motion, table, options)
+        files = write(options, motion, table, account)
+    except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
+        sentence = " ".join(str(error).split()) or type(error).__name__
+        print(f"torques: {sentence}", file=sys.stderr)
+        return 2
+    if options.json:
+        print(json.dumps(account, indent=2))
+    say(f"files        {', '.join(os.fspath(path) for path in files)}")
+    return 1 if any(load.exceeded or load.overheated for load in table.loads) else 0
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Angles in rad, lengths in m, torques in N m, forces in N, in the order of the coordinates. "
+        "Exit status: 0, 1 a limit is exceeded, 2 wrong usage or input (one sentence, no file written).",
+    )
+    parser.add_argument("motion", type=Path, metavar="MOTION", help="file with the motion")
+    parser.add_argument("--machine", choices=MACHINES, default="spherical", help="(default: %(default)s)")
+    parser.add_argument("--gravity", type=float, default=9.81, metavar="G", help="[m/s^2], 0: none (default: 9.81)")
+    parser.add_argument("--payload", type=float, metavar="M", help="load at the tool [kg]")
+    parser.add_argument("--viscous", nargs="+", type=float, metavar="C", help="viscous friction of every joint")
+    parser.add_argument(
+        "--noise", nargs="+", type=float, metavar="S", help="standard deviation of the samples [rad, m]"
+    )
+    parser.add_argument("--compare", action="store_true", help="show what raw differences of the samples would do")
+    parser.add_argument("--times", type=_rows, metavar="N", help="rows of the table, at equal times")
+    parser.add_argument("--limit", nargs="+", type=float, metavar="F", help="largest torque of every drive")
+    parser.add_argument("--speed", nargs="+", type=float, metavar="V", help="no-load speed of every drive")
+    parser.add_argument("--corner", nargs="+", type=float, metavar="V", help="speed up to which --limit is available")
+    parser.add_argument("--continuous", nargs="+", type=float, metavar="F", help="continuous torque of every drive")
+    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="(default: %(default)s)")
+    parser.add_argument("--export", action="store_true", help="write a JointTrajectory too")
+    parser.add_argument("--code", action="store_true", help="write the inverse dynamics as C code and CasADi function")
+    parser.add_argument("--no-picture", action="store_true", help="write no picture")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("--json", action="store_true", help="print the account as JSON")
+    return parser
+
+
+def effects_of(options: argparse.Namespace) -> list[Effect]:
+    """Return the effects that the options ask for."""
+    effects: list[Effect] = [Gravity(options.gravity)] if options.gravity else []
+    if options.payload is not None:
+        effects.append(Payload(options.payload))
+    if options.viscous is not None:
+        effects.append(Viscous(options.viscous[0] if len(options.viscous) == 1 else tuple(options.viscous)))
+    return effects
+
+
+def envelopes(options: argparse.Namespace, machine: Manipulator) -> list[Envelope]:
+    """Return one envelope for each drive, or none without limits."""
+    n = len(machine.coordinates)
+    given = {"peak": options.limit, "speed": options.speed, "corner": options.corner, "continuous": options.continuous}
+    given = {name: values for name, values in given.items() if values is not None}
+    for name, values in given.items():
+        if len(values) != n:
+            option = "--limit" if name == "peak" else f"--{name}"
+            names = ", ".join(c.name for c in machine.coordinates)
+            raise ValueError(f"{option}: got {len(values)} numbers, {machine.name} has {n} drives ({names})")
+    return [Envelope(**{name: values[i] for name, values in given.items()}) for i in range(n)] if given else []
+
+
+def read_motion(options: argparse.Namespace, machine: Manipulator, effects: list[Effect], say: Say) -> Motion:
+    """Return the motion in the file, whatever its kind."""
+    path, noise = options.motion, options.noise
+    level = None if noise is None else noise[0] if len(noise) == 1 else noise
+    kind = path.suffix.lower()
+    if kind in (".json", ".yaml", ".yml"):
+        return Motion.from_trajectory(path, machine, noise=level)
+    if kind == ".npz":
+        return from_npz(path, machine, effects, level)
+    if kind != ".csv":
+        raise ValueError(f"{path}: the kind {kind!r} is unknown, expected .csv, .json, .yaml, .yml or .npz")
+    names = column_names(path)
+    if names[0] == "t" and set(TOOL) <= set(names):
+        points = read_csv(path, [Label(axis, "m") for axis in TOOL])
+        return through_tool_points(machine, points.t, points.q)
+    if names[0] == "t":
+        return Motion.from_csv(path, machine, noise=level)
+    if options.limit is None:
+        raise ValueError(f"{path}: has no column t; give --limit to run through its waypoints in minimum time")
+    waypoints = read_waypoints(path, labels_of(machine))
+    motion, solution = fastest(machine, effects, waypoints, options.limit, options.speed)
+    if not solution.ok:
+        raise ValueError(f"{path}: no timing of the waypoints was found: {solution.message}")
+    say(f"waypoints    run through in {motion.duration:.6g} s, minimum time ({solution.iterations} iterations)")
+    return motion
+
+
+def from_npz(path: Path, machine: Manipulator, effects: list[Effect], noise: float | list[float] | None) -> Motion:
+    """Return the motion of a solution file, found out in which form and frame, or of arrays t, q, v, a."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in ("t", "q", "v", "a") if name in file.files}
+    except (OSError, FileNotFoundError):
+        raise
+    except Exception as error:  # zipfile, zlib and numpy each raise their own for damaged bytes
+        raise ValueError(f"{path}: no readable NPZ file ({error})") from None
+    if "t" in arrays and "q" in arrays:
+        recording = Recording(arrays["t"], arrays["q"], arrays.get("v"), arrays.get("a"), labels_of(machine))
+        return Motion.recorded(recording, noise=noise)
+    solution = load(path)
+    for form in FORMS.values():
+        for frame in machine.frames:
+            try:
+                return Motion.of(solution, form(machine, effects, frame))
+            except ValueError:
+                continue
+    raise ValueError(f"{path}: the solution is not of {machine.name} with these parameters, in any form and frame")
+
+
+def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Namespace) -> dict[str, object]:
+    """Print the summary and return it as plain data."""
+    for note in motion.notes:
+        say(f"note: {note}")
+    say(str(table))
+    account: dict[str, object] = {
+        "machine": table.machine.name,
+        "effects": [repr(effect) for effect in table.effects],
+        "start": motion.start,
+        "end": motion.end,
+        "rows": len(table.t),
+        "smoothness": motion.smoothness if np.isfinite(motion.smoothness) else None,
+        "notes": list(motion.notes),
+        "drives": [asdict(drive) for drive in table.loads],
+        "split_rms": {name: _rms(part).tolist() for name, part in table.split.items()},
+    }
+    shares = "   ".join(f"{name} {', '.join(f'{x:.4g}' for x in _rms(part))}" for name, part in table.split.items())
+    say(f"split (rms)  {shares}")
+    smoothed, uncertainty = motion.smoothed, table.uncertainty
+    if smoothed is not None and uncertainty is not None:
+        say(f"noise        {_row(smoothed.noise)} (rad or m), residual {_row(smoothed.residual)}")
+        say(f"uncertainty  of the torques {_row(_rms(uncertainty))} (rms of the standard deviation)")
+        account["noise"], account["residual"] = smoothed.noise.tolist(), smoothed.residual.tolist()
+        account["uncertainty_rms"] = _rms(uncertainty).tolist()
+    if options.compare:
+        raw = raw_torques(motion, table)
+        say(f"raw          differences of the samples would be off by {_row(_rms(raw - table.tau))} (rms)")
+        account["raw_difference_rms"] = _rms(raw - table.tau).tolist()
+    for drive in table.loads:
+        for span in drive.exceeded:
+            say(f"exceeded     {drive.name} from {span.start:.6g} to {span.end:.6g} s, up to {span.ratio:.4g} times")
+        if drive.overheated:
+            say(f"exceeded     {drive.name}: the root mean square {drive.rms:.5g} {drive.unit} is beyond its limit")
+    return account
+
+
+def raw_torques(motion: Motion, table: TorqueTable) -> np.ndarray:
+    """Return the torques (K, n) that raw second differences of the samples would give."""
+    return motion.differenced().torques(table.machine, table.effects, times=table.t).tau
+
+
+def write(options: argparse.Namespace, motion: Motion, table: TorqueTable, account: dict[str, object]) -> list[Path]:
+    """Write all files, or none."""
+    options.output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=options.output) as folder:
+        part = Path(folder)
+        write_csv(part / "torques.csv", table)
+        (part / "torques.json").write_text(json.dumps(_finite(account), indent=2, allow_nan=False), encoding="utf-8")
+        if not options.no_picture:
+            raw = raw_torques(motion, table) if options.compare else None
+            torque_picture.draw(table, raw, part / "torques.png")
+        if options.export:
+            names = [c.name for c in table.machine.coordinates]
+            message = as_trajectory(table.t, table.q, table.v, table.a, names)
+            (part / "trajectory.json").write_text(json.dumps(message), encoding="utf-8")
+        if options.code:
+            function = inverse_dynamics(table.machine, table.effects)
+            write_code([function], part / "inverse_dynamics.c")
+            write_function(function, part / "inverse_dynamics.casadi")
+        files = sorted(part.iterdir())
+        for file in files:
+            shutil.move(file, options.output / file.name)
+    return [options.output / file.name for file in files]
+
+
+def write_csv(path: Path, table: TorqueTable) -> None:
+    """Write t, q, v, a, tau and the split with names and units in the header."""
+    coordinates = table.machine.coordinates
+    header = [*table.header, *(f"{name} of tau_{c.name} [{c.force_unit}]" for name in table.split for c in coordinates)]
+    columns = [table.rows, *table.split.values()]
+    shown = progress("writing")
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(header) + "\n")
+        for start in range(0, len(table.t), ROWS):
+            rows = np.hstack([column[start : start + ROWS] for column in columns])
+            np.savetxt(file, rows, fmt="%.15g", delimiter=",")
+            if shown is not None:
+                shown(min(start + ROWS, len(table.t)), len(table.t))
+
+
+def progress(what: str) -> Callable[[int, int], None] | None:
+    """Return a function that shows how far long work is, on a terminal only."""
+    if not sys.stderr.isatty():
+        return None
+
+    def show(done: int, total: int) -> None:
+        if total >= LONG:
+            print(f"\r{what}: {100 * done // total} %", end="\n" if done == total else "", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _row(values: np.ndarray) -> str:
+    return ", ".join(f"{x:.3g}" for x in values)
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _rows(text: str) -> int:
+    value = int(text)
+    if value < 2:
+        raise argparse.ArgumentTypeError(f"got {value}, expected a whole number >= 2")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())
