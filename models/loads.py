@@ -124,12 +124,17 @@ def exceeded(t: Array, v: Array, tau: Array, limit: Envelope) -> tuple[Exceeded,
     allowed = limit.torque(v)
     over = np.abs(tau) > allowed * (1.0 + SLACK)
     over |= np.abs(v) > limit.speed * (1.0 + SLACK)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], over.astype(np.int8), [0]])))
     found = []
-    for first, after in edges.reshape(-1, 2):
+    for first, after in runs(over):
         part = slice(first, after)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.abs(tau[part]) / allowed[part]
         worst = float(np.max(np.where(np.isnan(ratio), np.inf, ratio)))
         found.append(Exceeded(float(t[first]), float(t[after - 1]), worst))
     return tuple(found)
+
+
+def runs(flags: Array) -> list[tuple[int, int]]:
+    """Return the first place of every run of True in flags (K,), and the place after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(first), int(after)) for first, after in edges.reshape(-1, 2)]

@@ -11,9 +11,6 @@ import numpy as np
 
 from models.piecewise import Array, Piecewise
 
-# Rows of the collocation matrix: derivative order, time, value.
-Row = tuple[int, float, Array]
-
 
 @dataclass(frozen=True, eq=False)
 class Ends:

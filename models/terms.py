@@ -166,7 +166,12 @@ def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
 def name_of(effect: Effect) -> str:
     """Return the name of an effect: of its class, in words with underscores, as in rotor_inertia."""
     name = getattr(effect, "__name__", type(effect).__name__)
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower() if name.isidentifier() else "effect"
+    return snake(name) if name.isidentifier() else "effect"
+
+
+def snake(name: str) -> str:
+    """Return CamelCase as camel_case."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _sum(one: ca.SX | None, other: ca.SX | None) -> ca.SX | None:

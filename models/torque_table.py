@@ -127,17 +127,15 @@ class TorqueTable:
         return np.hstack([self.t[:, None], self.q, self.v, self.a, self.tau])
 
     def __str__(self) -> str:
-        lines = [
-            f"{'drive':<12}{'peak':>12}{'rms':>12}{'speed':>10}{'mean power':>13}{'peak power':>13}"
-            f"{'braking':>11}{'energy':>11}{'recovered':>11}"
-        ]
+        cells = [["drive", "peak", "rms", "speed", "mean power", "peak power", "braking", "energy", "recovered"]]
         for load, c in zip(self.loads, self.machine.coordinates, strict=True):
-            lines.append(
-                f"{load.name:<12}{load.peak:>9.5g} {load.unit:<3}{load.rms:>8.5g} {load.unit:<3}{load.speed:>6.3g} "
-                f"{c.unit}/s{load.mean_power:>9.4g} W{load.peak_power:>11.4g} W{load.peak_braking:>9.4g} W"
-                f"{load.motor_energy:>9.4g} J{load.brake_energy:>9.4g} J"
-            )
-        return "\n".join(lines)
+            torques = [f"{load.peak:.5g} {load.unit}", f"{load.rms:.5g} {load.unit}"]
+            powers = [f"{power:.4g} W" for power in (load.mean_power, load.peak_power, load.peak_braking)]
+            energies = [f"{energy:.4g} J" for energy in (load.motor_energy, load.brake_energy)]
+            cells.append([load.name, *torques, f"{load.speed:.4g} {c.unit}/s", *powers, *energies])
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        rows = ((row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])) for row in cells)
+        return "\n".join("   ".join(row) for row in rows)
 
 
 def tabulate(

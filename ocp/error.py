@@ -70,9 +70,10 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
         V = sum of multipliers of limits of states times the excess between the nodes,
 
     phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
-    of Newton's method from the interpolant). `cost` is 2 (|D| + G + O + V) and what the solver left. To first order in
-    the disturbances it bounds the error of a local optimum; it does not see other ones. A free duration that is not the cost itself is taken to
-    be as wrong, relatively, as the cost times the order of the scheme.
+    of Newton's method from the interpolant). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
+    to first order in the disturbances, no proof; docs/calibration.md holds it against known optima. It is about a
+    local optimum and does not see other ones. A free duration that is not the cost itself is taken to be as wrong,
+    relatively, as the cost times the order of the scheme.
 
     Args:
         solution: of any status.
@@ -92,8 +93,9 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     converged = solution.status in (Status.SOLVED, Status.ACCEPTABLE)
     if not converged or solution.duration <= 0.0 or not np.all(np.isfinite(solution.data)):
         unknown = np.full((count, nx), np.nan)
+        late = np.inf if isinstance(problem.horizon, Free) else 0.0
         return Errors(
-            np.inf, np.inf if isinstance(problem.horizon, Free) else 0.0, np.full(nx, np.inf), *[np.nan] * 6,
+            np.inf, late, np.full(nx, np.inf), np.nan, np.nan, np.nan, np.nan, np.nan, np.nan,
             np.full(count, np.nan), unknown, np.full((count + 1, nx), np.nan), labels,
         )  # fmt: skip
     local, transition, running = _reintegrated(solution, problem)

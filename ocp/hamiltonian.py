@@ -127,7 +127,7 @@ def _newton(model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, 
             moved = moved or bool(better.any())
         if not moved:
             break
-    return best
+    return np.asarray(best)
 
 
 def _on_box(slope: Array, curvature: Array, u: Array, low: Array, high: Array) -> Array:
@@ -188,11 +188,11 @@ def _interior(
         v, s, z = v + alpha * step, s + alpha * ds, z + alpha * dz
         if np.all(gap < 1e-15):
             break
-    return v
+    return np.asarray(v)
 
 
 def _room(values: Array, steps: Array) -> Array:
     """Return the longest share (K,) of steps that keeps values positive."""
     with np.errstate(divide="ignore", invalid="ignore"):
         longest = np.where(steps < 0.0, -TO_BOUNDARY * values / steps, np.inf)
-    return np.minimum(1.0, np.min(longest, axis=1))
+    return np.asarray(np.minimum(1.0, np.min(longest, axis=1)))

@@ -132,12 +132,12 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
 
 def run(
     solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
-    multipliers: tuple[Array, Array] | None = None,
+    duals: tuple[Array, Array] | None = None,
 ) -> Answer:  # fmt: skip
     """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises."""
     begun = time.perf_counter()
     low, high, rows_low, rows_high = bounds
-    first = {} if multipliers is None else {"lam_x0": multipliers[0], "lam_g0": multipliers[1]}
+    first = {} if duals is None else {"lam_x0": duals[0], "lam_g0": duals[1]}
     try:
         solver.watch.reset(rows_low, rows_high)
         with interruptible(solver.watch):

@@ -215,7 +215,7 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
         a, b = ends[first], ends[last]
         reach = (b - a) * float(np.clip(2.0 * (b - a), 0.02, 0.125))
         added += [one for place in places for one in (place - reach, place + reach) if 0.0 < one < 1.0]
-    for k in np.flatnonzero(marked & ~done):
+    for k in np.flatnonzero(marked & ~done).tolist():
         pieces = int(np.clip(np.ceil((parts[k] / allowed) ** (1.0 / 3.0)), 2, MOST_PIECES))
         added += list(np.linspace(ends[k], ends[k + 1], pieces + 1)[1:-1])
     k = 1

@@ -166,27 +166,12 @@ class Prepared:
             motion = unpack(programme, z, mu, held, numbers)
             solutions.append(
                 Solution(
-                    answer.status,
-                    answer.status.value,
-                    answer.verbatim,
-                    motion.duration,
-                    answer.cost,
-                    motion.states,
-                    motion.controls,
-                    motion.slopes,
-                    motion.costates,
-                    motion.free,
-                    motion.values,
-                    timings,
-                    answer.iterations,
-                    programme.grid,
-                    programme.scheme,
-                    programme.problem,
-                    rung,
-                    answer.log,
+                    answer.status, answer.status.value, answer.verbatim, motion.duration, answer.cost, motion.states,
+                    motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
+                    answer.iterations, programme.grid, programme.scheme, programme.problem, rung, answer.log,
                     motion.multipliers,
                 )
-            )
+            )  # fmt: skip
         if not reasons:
             reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
         message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value

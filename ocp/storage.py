@@ -29,7 +29,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
 
     Arrays `states` (N, m, nx), `controls` (N, c, nu), `slopes` (N, e, nx), `costates` (N, d, nx), `ends` (N + 1,),
     `limits_x`, `limits_u`, `limits_path`, `limits_ends` as in `Multipliers`, and `about`, a JSON text with everything
-    else. No pickle: any NPZ reader opens it.
+    else but the accuracy of a rung. No pickle: any NPZ reader opens it.
 
     Args:
         solution: of any status.

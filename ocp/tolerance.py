@@ -145,7 +145,7 @@ class Signal:
         function = ca.Function("slope", [system.x, system.p], [slope]).map(len(apart))
         p = np.array([solution.values[name] for name in system.nominal])[:, None]
         slopes = np.array(function(solution.states[:, -1].T, np.tile(p, len(apart))))
-        return np.einsum("akb,kb->ka", slopes.reshape(expression.numel(), len(apart), -1), apart)
+        return np.asarray(np.einsum("akb,kb->ka", slopes.reshape(expression.numel(), len(apart), -1), apart))
 
 
 def _positive(tolerance: Tolerance) -> None:

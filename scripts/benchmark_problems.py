@@ -8,8 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from time_optimal import TASKS
+from template import TASKS
 
+from models.catalogue import machines
 from models.effects import Gravity
 from models.forms import canonical
 from ocp import Bolza, Fixed, Free, Guess, Ipopt, Problem, System, along, end, radau, smooth, start, uniform
@@ -166,7 +167,7 @@ def manipulator(name: str, title: str) -> Callable[[], Case]:
 
     def make() -> Case:
         task = TASKS[name]
-        arm = canonical(task.machine(), [Gravity()])
+        arm = canonical(machines()[name](), [Gravity()])
         rest, free, limit = np.zeros(len(task.q0)), np.full(len(task.q0), np.inf), np.array(task.limit)
         return Case(
             title,

@@ -16,14 +16,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from models import Manipulator
-from ocp import Problem, Solution, System
+from ocp import Problem, SequenceSolution, Solution, System
 from ocp.constraint import Where
 
 POSES = 7  # of the arm in the path picture
 MOTION, LIMIT, FAINT, ACCENT = "#1f4e79", "#b03a2e", "#9aa5b1", "#d98c1f"
 
 
-def time_optimal(solution: Solution, machine: Manipulator, torques: np.ndarray, title: str, path: Path) -> None:
+def time_optimal(
+    solution: Solution | SequenceSolution, machine: Manipulator, torques: np.ndarray, title: str, path: Path
+) -> None:
     """Draw coordinates, velocities and torques over time, with limits and nodes, and the path of the arm in space.
 
     Args:
@@ -33,21 +35,25 @@ def time_optimal(solution: Solution, machine: Manipulator, torques: np.ndarray, 
         title: above everything.
         path: of the picture; the suffix chooses the format.
     """
-    problem = _problem(solution)
+    legs, begins = phases(solution)
+    problem = _problem(legs[0])
     system, n = problem.system, len(machine.coordinates)
     figure = plt.figure(figsize=(14.0, 1.9 * n + 1.2), layout="constrained")
     grid = figure.add_gridspec(n, 4, width_ratios=(1.0, 1.0, 1.0, 1.55))
     tau = np.linspace(0.0, 1.0, 9)
-    t, x, _, u = solution.samples(tau)
-    points = solution.collocation_times.ravel()
+    parts = [leg.samples(tau) for leg in legs]
+    t = np.concatenate([begin + part[0] for begin, part in zip(begins, parts, strict=True)])
+    points = np.concatenate([begin + leg.collocation_times.ravel() for begin, leg in zip(begins, legs, strict=True)])
+    nodes = np.concatenate([*(begin + leg.nodes[:-1] for begin, leg in zip(begins, legs, strict=True)),
+                            begins[-1:] + legs[-1].duration])  # fmt: skip
     for column, (name, heading) in enumerate((("q", "position"), ("v", "velocity"), ("tau", "drive"))):
-        values = _signal(system, solution, name, x, u)
+        values = np.vstack([_signal(system, leg, name, x, u) for leg, (_, x, _, u) in zip(legs, parts, strict=True)])
         low, high = limits(problem, name)
         at_nodes = np.vstack([values[:: len(tau)], values[-1:]])
         for i, label in enumerate(system.label(name, n)):
             axes = figure.add_subplot(grid[i, column])
             axes.plot(t, values[:, i], color=MOTION, linewidth=1.5, zorder=3)
-            axes.plot(solution.nodes, at_nodes[:, i], ".", color=MOTION, markersize=3.5, zorder=4)
+            axes.plot(nodes, at_nodes[:, i], ".", color=MOTION, markersize=3.5, zorder=4)
             if name == "tau":
                 axes.plot(points, torques[:, i], "+", color=ACCENT, markersize=3.5, markeredgewidth=0.7, zorder=5)
             _draw_limits(axes, low[i], high[i])
@@ -59,7 +65,7 @@ def time_optimal(solution: Solution, machine: Manipulator, torques: np.ndarray, 
                 axes.set_title(heading, fontsize=10)
             if i == n - 1:
                 axes.set_xlabel("t [s]", fontsize=9)
-    _path_in_space(figure, grid[:, 3], solution, machine, system)
+    _path_in_space(figure, grid[:, 3], solution, machine)
     handles = [
         Line2D([], [], color=MOTION, label="solution"),
         Line2D([], [], color=MOTION, marker=".", linestyle="", label="nodes of the grid"),
@@ -70,6 +76,12 @@ def time_optimal(solution: Solution, machine: Manipulator, torques: np.ndarray, 
     figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130)
     plt.close(figure)
+
+
+def phases(solution: Solution | SequenceSolution) -> tuple[tuple[Solution, ...], np.ndarray]:
+    """Return the solutions of the legs of a motion, and the times at which they begin [s]."""
+    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
+    return legs, np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])[:-1]])
 
 
 def limits(problem: Problem, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -107,11 +119,11 @@ def _draw_limits(axes: Axes, low: float, high: float) -> None:
             axes.axhline(side, color=LIMIT, linestyle="--", linewidth=1.0, zorder=2)
 
 
-def _path_in_space(figure: Figure, place: object, solution: Solution, machine: Manipulator, system: System) -> None:
+def _path_in_space(figure: Figure, place: object, solution: Solution | SequenceSolution, machine: Manipulator) -> None:
     axes = figure.add_subplot(place, projection="3d")
     lines = ca.Function("skeleton", [machine.q], [ca.densify(machine.skeleton)])
     t = np.linspace(0.0, solution.duration, 200)
-    q = _signal(system, solution, "q", solution.x(t), solution.u(t))
+    q = solution.signal("q", t)
     corners = np.array([np.array(lines(qk)) for qk in q])  # (200, 3, k)
     tool = corners[:, :, -1]
     shown = np.linspace(0, len(t) - 1, POSES).round().astype(int)

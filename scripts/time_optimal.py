@@ -1,95 +1,80 @@
 """Time-optimal motion of a manipulator: solve, verify, recover the drive torques, write a picture.
 
 The default is the spherical manipulator under gravity in canonical form, rest to rest. Angles are in rad, lengths in
-m, torques in N m and forces in N, in the order of the coordinates.
+m, torques in N m and forces in N, in the order of the coordinates. A scene file says it all; see --template.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
-import casadi as ca
+import budget
 import numpy as np
 import picture
+from motion_table import at_points, finite, tabulate, write_csv
+from task import Task
+from task_file import of_document
+from template import TASKS, scene_text
 
-from models import Manipulator, cylindrical, recover, spherical, torus
+from models import Scene, catalogue
+from models.document import SceneError, Table, parse, read_document
 from models.effects import Gravity
-from models.forms import canonical, hamel, lagrange
-from ocp import Report, Solution, point_to_point, radau, save, solve, uniform, verify
+from models.terms import name_of
+from ocp import Report, SequenceSolution, Solution, radau, save, solve, uniform, verify
 
-FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
-AGREEMENT = 1e-8  # recovered torques against controls, share of the limit
-
-
-@dataclass(frozen=True)
-class Task:
-    """A default task of a machine: rest to rest within limits."""
-
-    machine: Callable[[], Manipulator]
-    q0: tuple[float, ...]  # [rad or m]
-    q1: tuple[float, ...]
-    q_min: tuple[float, ...]
-    q_max: tuple[float, ...]
-    limit: tuple[float, ...]  # magnitude of every drive [N m or N]
-
-
-TASKS = {
-    "spherical": Task(
-        spherical, (0.9, 0.0, 0.0, 0.85), (1.6, 2.0, 0.5, 0.9),
-        (0.15, -3.0, -3.0, 0.6), (2.8, 3.0, 3.0, 1.1), (260.0, 160.0, 3.0, 400.0),
-    ),
-    "cylindrical": Task(
-        cylindrical, (0.0, 0.2, 0.6), (2.0, 0.8, 0.8),
-        (-3.0, 0.0, 0.3), (3.0, 1.2, 1.0), (150.0, 1000.0, 300.0),
-    ),
-    "torus": Task(
-        torus, (0.0, 0.4, -0.9), (2.0, 0.8, -1.3),
-        (-3.0, -0.3, -2.6), (3.0, 2.0, 2.6), (250.0, 600.0, 220.0),
-    ),
-}  # fmt: skip
+AGREEMENT = 1e-8  # recovered torques against those of the solution, share of the limit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 for a verified solution, 1 for none, 2 for wrong usage."""
     parser = command_line()
     options = parser.parse_args(arguments)
-    task = TASKS[options.machine]
-    q0, q1 = options.q0 or task.q0, options.q1 or task.q1
-    limit = options.limit or task.limit
-    machine, effects = task.machine(), [Gravity()]
-    n = len(machine.coordinates)
-    for name, given in (("--from", q0), ("--to", q1), ("--limit", limit)):
-        if len(given) != n:
-            parser.error(f"{name}: got {len(given)} numbers, {options.machine} has {n} coordinates "
-                         f"({', '.join(str(c.name) for c in machine.coordinates)})")  # fmt: skip
-    if min(limit) <= 0.0 or not np.all(np.isfinite([*q0, *q1, *limit])):
-        parser.error("--from, --to, --limit: expected finite numbers, limits > 0")
+    if options.template:
+        print(scene_text(options.template), end="")
+        return 0
+    try:
+        scene, task = chosen(parser, options)
+    except SceneError as error:
+        print(f"time_optimal: {error}", file=sys.stderr)
+        return 2
+    task = task if options.nodes is None else replace(task, elements=options.nodes)
+    if options.card:
+        print(f"{scene.card()}\n{task.card(scene.system)}")
+        return 0
+    say = _silent if options.quiet or options.json else print
+    if options.budget:
+        table = budget.effect_budget(scene, task, uniform(task.elements), progress=_note if say is print else _silent)
+        print(json.dumps(table.plain(), indent=2) if options.json else table)
+        return 0 if table.rows[0].ok else 1
     try:
         options.output.mkdir(parents=True, exist_ok=True)
-        arm = FORMS[options.form](machine, effects, options.frame)
-    except ValueError as error:
-        parser.error(str(error))
     except OSError as error:
         parser.error(f"--output: {error}")
+    return find_motion(scene, task, options, say)
 
-    say = _silent if options.quiet or options.json else print
-    say(f"{machine.name} manipulator, {options.form} form, frame {options.frame or 'regular'}, gravity 9.81 m/s^2")
-    say(f"{options.nodes} elements of radau(3), one control value for each; solving ...")
-    for note in arm.notes:
+
+def find_motion(scene: Scene, task: Task, options: argparse.Namespace, say: Callable[[str], None]) -> int:
+    """Solve, verify, write the files and say what was found; 0 for a verified solution, else 1."""
+    machine, n = scene.machine, len(scene.machine.coordinates)
+    effects = ", ".join(_named(scene)) or "no effects"
+    say(f"{machine.name} manipulator, {scene.form_name} form, frame {scene.frame_name}, {effects}")
+    say(f"{task.elements} elements of radau(3), one control value for each; solving ...")
+    for note in scene.system.notes:
         say(f"note: {note}")
-    problem = point_to_point(arm, q0, q1, q=(task.q_min, task.q_max), tau=limit)
-    solution = solve(problem, scheme=radau(3), grid=uniform(options.nodes))
+    solution = solve(task.problem(scene.system), scheme=radau(3), grid=uniform(task.elements))
     report = verify(solution)
-    times, table = motion_table(solution, recover(arm, machine, effects), n)
-    _, _, _, controls = solution.samples(solution.scheme.points)
-    difference = float(np.max(np.abs(table[:, -n:] - controls) / np.array(limit)))
+    times, table, unrecovered = tabulate(solution, scene)
+    legs, _ = picture.phases(solution)
+    solved = np.vstack([at_points(leg, scene.system, "tau", leg.scheme.points) for leg in legs])
+    limits = picture.limits(legs[0].problem, "tau")[1] if legs[0].problem is not None else np.full(n, np.inf)
+    sizes = np.where(np.isfinite(limits) & (limits > 0.0), limits, np.maximum(np.max(np.abs(solved), axis=0), 1e-300))
+    difference = float(np.max(np.abs(table[:, -n:] - solved) / sizes))
     faults = list(report.failures)
     if not difference <= AGREEMENT:
         faults.append(f"the recovered torques differ from the controls by {difference:.1e} of the limit")
@@ -97,9 +82,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files = {kind: options.output / f"time_optimal.{kind}" for kind in ("csv", "npz", "png")}
     try:
         write_csv(files["csv"], machine, times, table)
-        save(solution, files["npz"])
+        if len(legs) > 1:
+            del files["npz"]
+            files |= {f"npz {k}": options.output / f"time_optimal_{k}.npz" for k in range(1, len(legs) + 1)}
+        for leg, path in zip(legs, (path for kind, path in files.items() if kind.startswith("npz")), strict=True):
+            save(leg, path)
         title = (
-            f"Time-optimal motion of the {machine.name} manipulator ({options.form} form): "
+            f"Time-optimal motion of the {machine.name} manipulator ({scene.form_name} form): "
             f"$t_f$ = {solution.duration:.5g} s{'' if not faults else '  - NOT VERIFIED'}"
         )
         picture.time_optimal(solution, machine, table[:, -n:], title, files["png"])
@@ -109,12 +98,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps(account(solution, report, difference, files), indent=2))
     else:
-        describe(say, solution, report, difference, files)
+        describe(say, solution, report, unrecovered or difference, files)
     if faults:
         reasons = "; ".join([solution.message, *faults] if not solution.ok else faults)
         print(f"time_optimal: no verified solution: {reasons}", file=sys.stderr)
         return 1
     return 0
+
+
+def chosen(parser: argparse.ArgumentParser, options: argparse.Namespace) -> tuple[Scene, Task]:
+    """Return the scene and the task of a file, or the default ones of a machine, with what the options change."""
+    if options.scene is not None and options.machine is not None:
+        parser.error("--machine: the scene file says which machine; leave one of them out")
+    name = options.machine or "spherical"
+    document = (
+        parse(scene_text(name), f"default scene, {name}") if options.scene is None else read_document(options.scene)
+    )
+    changes = {"form": options.form, "frame": options.frame}
+    for table, key, flag, given in (
+        ("task", "from", "--from", options.q0), ("task", "to", "--to", options.q1),
+        ("limits", "tau", "--limit", options.limit),
+    ):  # fmt: skip
+        if given is None:
+            continue
+        kind = catalogue.machines().get(str(document.entries.get("machine")))
+        coordinates = kind().coordinates if kind is not None else ()
+        if kind is not None and len(given) != len(coordinates):
+            parser.error(f"{flag}: got {len(given)} numbers, {document.entries['machine']} has {len(coordinates)} "
+                         f"coordinates ({', '.join(c.name for c in coordinates)})")  # fmt: skip
+        if not np.all(np.isfinite(given)) or (flag == "--limit" and min(given) <= 0.0):
+            parser.error("--from, --to, --limit: expected finite numbers, limits > 0")
+        changes[table] = {k: v for k, v in document.table(table).entries.items() if k not in (key, f"{key}_deg")}
+        changes[table] = {**(changes[table]), key: given}
+        document = _changed(document, {table: changes.pop(table)})
+    return of_document(_changed(document, {key: value for key, value in changes.items() if value is not None}))
+
+
+def _changed(document: Table, changes: dict[str, object]) -> Table:
+    lines = {key: line for key, line in document.lines.items() if key not in ("form", "frame") or key not in changes}
+    return Table(document.file, lines, document.key, {**document.entries, **changes})
+
+
+def _named(scene: Scene) -> list[str]:
+    return [
+        f"gravity {e.g:g} m/s^2" if isinstance(e, Gravity) and isinstance(e.g, float) else name_of(e)
+        for e in scene.effects
+    ]
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -125,19 +154,14 @@ def command_line() -> argparse.ArgumentParser:
         "spherical (theta, psi, phi, r), cylindrical (phi, xi, r), torus (q1, q2, q3). theta = 0 is the vertical. "
         "Exit status: 0 verified, 1 no verified solution, 2 wrong usage.",
     )
-    parser.add_argument(
-        "--machine", choices=TASKS, default="spherical", help="which manipulator (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--form", choices=FORMS, default="canonical", help="form of the equations (default: %(default)s)"
-    )
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="scene file (TOML); options below change it")
+    parser.add_argument("--machine", choices=TASKS, help="default scene of a manipulator (default: spherical)")
+    parser.add_argument("--form", choices=catalogue.forms(), help="form of the equations (default: canonical)")
     parser.add_argument("--frame", help="frame of the quasi-velocities: regular (default), paper, ldl, udu; torus more")
     parser.add_argument("--from", dest="q0", nargs="+", type=float, metavar="Q", help="start, at rest [rad or m]")
     parser.add_argument("--to", dest="q1", nargs="+", type=float, metavar="Q", help="end, at rest [rad or m]")
     parser.add_argument("--limit", nargs="+", type=float, metavar="F", help="magnitude of every drive [N m or N]")
-    parser.add_argument(
-        "--nodes", type=_elements, default=50, metavar="N", help="elements of the grid (default: %(default)s)"
-    )
+    parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
     parser.add_argument(
         "--output",
         type=Path,
@@ -145,36 +169,17 @@ def command_line() -> argparse.ArgumentParser:
         metavar="DIR",
         help="for CSV, NPZ and PNG (default: %(default)s)",
     )
+    parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")
+    parser.add_argument("--card", action="store_true", help="print the card of the scene and the task, and stop")
+    parser.add_argument("--budget", action="store_true", help="solve again with each effect left out; what each costs")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--json", action="store_true", help="print the account as JSON")
     return parser
 
 
-def motion_table(solution: Solution, recovered: ca.Function, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (K,) and q, v, a, tau (K, 4 n) at the collocation points, each from inside its element."""
-    t, x, rate, _ = solution.samples(solution.scheme.points)
-    p = np.array(list(solution.values.values()))[:, None]
-    found = recovered.map(len(t))(x.T, rate.T, np.tile(p, len(t)))
-    return t, np.vstack([np.array(part) for part in found]).T.reshape(len(t), 4 * n)
-
-
-def write_csv(path: Path, machine: Manipulator, times: np.ndarray, table: np.ndarray) -> None:
-    """Write t, q, v, a, tau with names and units in the header; the file appears when it is complete."""
-    names, units = [c.name for c in machine.coordinates], [c.unit for c in machine.coordinates]
-    header = ["t [s]"]
-    header += [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-    header += [f"d{name}/dt [{unit}/s]" for name, unit in zip(names, units, strict=True)]
-    header += [f"d2{name}/dt2 [{unit}/s^2]" for name, unit in zip(names, units, strict=True)]
-    header += [f"tau_{c.name} [{c.force_unit}]" for c in machine.coordinates]
-    part = path.with_suffix(".csv.part")
-    with part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows([repr(float(t)), *map(repr, map(float, row))] for t, row in zip(times, table, strict=True))
-    part.replace(path)
-
-
-def account(solution: Solution, report: Report, difference: float, files: dict[str, Path]) -> dict[str, object]:
+def account(
+    solution: Solution | SequenceSolution, report: Report, difference: float, files: dict[str, Path]
+) -> dict[str, object]:
     """Return everything that the command prints as plain data."""
     figures = ("drift", "drift_end", "violation", "hamiltonian", "hamiltonian_value", "switching", "energy")
     return {
@@ -183,27 +188,42 @@ def account(solution: Solution, report: Report, difference: float, files: dict[s
         "verified": report.ok and difference <= AGREEMENT,
         "t_f": solution.duration,
         "iterations": solution.iterations,
-        "elements": len(solution.grid),
-        **{name: float(getattr(report, name)) for name in figures},
-        "torque_difference": difference,
+        "elements": sum(len(leg.grid) for leg in picture.phases(solution)[0]),
+        "legs": [leg.duration for leg in picture.phases(solution)[0]],
+        **{name: finite(float(getattr(report, name))) for name in figures},
+        "torque_difference": finite(difference),
         "seconds": vars(solution.timings),
         "files": {kind: os.fspath(path) for kind, path in files.items()},
     }
 
 
 def describe(
-    say: Callable[[str], None], solution: Solution, report: Report, difference: float, files: dict[str, Path]
+    say: Callable[[str], None],
+    solution: Solution | SequenceSolution,
+    report: Report,
+    difference: float | str,
+    files: dict[str, Path],
 ) -> None:
     """Print the compact account."""
     spent = solution.timings
     say(f"t_f          {solution.duration:.6f} s ({solution.status.name.lower()}, {solution.iterations} iterations)")
-    say(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
+    if np.isfinite(report.switching):
+        say(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
+    else:
+        say(
+            "above best   not estimated: limits that couple the drives (torque-speed, power) have no switching function"
+        )
+    if isinstance(solution, SequenceSolution):
+        say(f"legs         {', '.join(f'{leg.duration:.6f}' for leg in solution.phases)} s")
     say(f"drift        {report.drift:.1e} of the largest state, re-integrated at 1e-12")
     where = f" ({report.violation.what})" if report.violation > 0.0 else ""
     say(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
     say(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")
     say(f"energy       balance open by {report.energy:.1e}")
-    say(f"torques      recovered by Lagrange inverse dynamics, {difference:.1e} of the limit from the controls")
+    if isinstance(difference, str):
+        say(f"torques      those of the solution: {difference}")
+    else:
+        say(f"torques      recovered by Lagrange inverse dynamics, {difference:.1e} of the limit from the controls")
     say(f"seconds      set-up {spent.setup:.3f}, derivatives {spent.derivatives:.3f}, solver {spent.solver:.3f}")
     say(f"files        {', '.join(os.fspath(path) for path in files.values())}")
 
@@ -213,6 +233,10 @@ def _elements(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"got {value}, expected a whole number >= 1")
     return value
+
+
+def _note(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _silent(_: str) -> None:

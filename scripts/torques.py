@@ -18,33 +18,26 @@ from pathlib import Path
 
 import numpy as np
 import torque_picture
-from fastest_path import fastest
+from motion_file import read_motion
 
 from models import (
     Envelope,
     Manipulator,
     Motion,
+    Scene,
     TorqueTable,
-    cylindrical,
+    catalogue,
     inverse_dynamics,
-    spherical,
-    torus,
     write_code,
     write_function,
-)
+)  # fmt: skip
+from models.document import read_document
 from models.effects import Gravity, Payload, Viscous
-from models.forms import canonical, hamel, lagrange
-from models.motion import labels_of
-from models.recording import Recording, as_trajectory
-from models.table_file import column_names, read_csv, read_waypoints
+from models.feasibility import broken_limits
+from models.recording import as_trajectory
+from models.scene_file import read_scene
 from models.terms import Effect
-from models.tool_motion import through_tool_points
-from ocp import load
-from ocp.system import Label
 
-MACHINES: dict[str, Callable[[], Manipulator]] = {"cylindrical": cylindrical, "spherical": spherical, "torus": torus}
-FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
-TOOL = ("x", "y", "z")  # columns of a path of the tool
 LONG = 100_000  # rows from which progress is shown
 ROWS = 50_000  # written at once
 Say = Callable[[str], None]
@@ -55,10 +48,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = command_line().parse_args(arguments)
     say: Say = print if not (options.quiet or options.json) else lambda _: None
     try:
-        machine: Manipulator = MACHINES[options.machine]()
-        effects = effects_of(options)
+        scene = chosen(options)
+        machine, effects = scene.machine, scene.effects
         limits = envelopes(options, machine)
-        motion = read_motion(options, machine, effects, say)
+        noise = options.noise[0] if options.noise and len(options.noise) == 1 else options.noise
+        motion = read_motion(options.motion, scene, noise, options.limit, options.speed, say)
         times = None if options.times is None else np.linspace(motion.start, motion.end, options.times)
         table = motion.torques(machine, effects, times=times, limits=limits, progress=progress("inverse dynamics"))
         say(f"{machine.name} manipulator, {', '.join(repr(e) for e in effects) or 'no effects'}")
@@ -70,9 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"torques: {sentence}", file=sys.stderr)
         return 2
     if options.json:
-        print(json.dumps(account, indent=2))
+        print(json.dumps(_finite(account), indent=2, allow_nan=False))
     say(f"files        {', '.join(os.fspath(path) for path in files)}")
-    return 1 if any(load.exceeded or load.overheated for load in table.loads) else 0
+    return 1 if account["broken_limits"] or any(load.exceeded or load.overheated for load in table.loads) else 0
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -84,8 +78,9 @@ def command_line() -> argparse.ArgumentParser:
         "Exit status: 0, 1 a limit is exceeded, 2 wrong usage or input (one sentence, no file written).",
     )
     parser.add_argument("motion", type=Path, metavar="MOTION", help="file with the motion")
-    parser.add_argument("--machine", choices=MACHINES, default="spherical", help="(default: %(default)s)")
-    parser.add_argument("--gravity", type=float, default=9.81, metavar="G", help="[m/s^2], 0: none (default: 9.81)")
+    parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML): machine and effects")
+    parser.add_argument("--machine", choices=catalogue.machines(), help="without a scene (default: spherical)")
+    parser.add_argument("--gravity", type=float, metavar="G", help="[m/s^2], 0: none (default: 9.81)")
     parser.add_argument("--payload", type=float, metavar="M", help="load at the tool [kg]")
     parser.add_argument("--viscous", nargs="+", type=float, metavar="C", help="viscous friction of every joint")
     parser.add_argument(
@@ -106,14 +101,22 @@ def command_line() -> argparse.ArgumentParser:
     return parser
 
 
-def effects_of(options: argparse.Namespace) -> list[Effect]:
-    """Return the effects that the options ask for."""
-    effects: list[Effect] = [Gravity(options.gravity)] if options.gravity else []
+def chosen(options: argparse.Namespace) -> Scene:
+    """Return the scene of a file, or the machine and the effects that the options ask for."""
+    if options.scene is not None:
+        for name in ("machine", "gravity", "payload", "viscous"):
+            if getattr(options, name) is not None:
+                raise ValueError(f"--{name}: the scene file says which machine and effects; leave one of them out")
+        return read_scene(read_document(options.scene))
+    machine = catalogue.machines()[options.machine or "spherical"]()
+    effects: list[Effect] = []
+    if options.gravity != 0.0:
+        effects.append(Gravity(9.81 if options.gravity is None else options.gravity))
     if options.payload is not None:
         effects.append(Payload(options.payload))
     if options.viscous is not None:
         effects.append(Viscous(options.viscous[0] if len(options.viscous) == 1 else tuple(options.viscous)))
-    return effects
+    return Scene(machine, tuple(effects))
 
 
 def envelopes(options: argparse.Namespace, machine: Manipulator) -> list[Envelope]:
@@ -127,55 +130,6 @@ def envelopes(options: argparse.Namespace, machine: Manipulator) -> list[Envelop
             names = ", ".join(c.name for c in machine.coordinates)
             raise ValueError(f"{option}: got {len(values)} numbers, {machine.name} has {n} drives ({names})")
     return [Envelope(**{name: values[i] for name, values in given.items()}) for i in range(n)] if given else []
-
-
-def read_motion(options: argparse.Namespace, machine: Manipulator, effects: list[Effect], say: Say) -> Motion:
-    """Return the motion in the file, whatever its kind."""
-    path, noise = options.motion, options.noise
-    level = None if noise is None else noise[0] if len(noise) == 1 else noise
-    kind = path.suffix.lower()
-    if kind in (".json", ".yaml", ".yml"):
-        return Motion.from_trajectory(path, machine, noise=level)
-    if kind == ".npz":
-        return from_npz(path, machine, effects, level)
-    if kind != ".csv":
-        raise ValueError(f"{path}: the kind {kind!r} is unknown, expected .csv, .json, .yaml, .yml or .npz")
-    names = column_names(path)
-    if names[0] == "t" and set(TOOL) <= set(names):
-        points = read_csv(path, [Label(axis, "m") for axis in TOOL])
-        return through_tool_points(machine, points.t, points.q)
-    if names[0] == "t":
-        return Motion.from_csv(path, machine, noise=level)
-    if options.limit is None:
-        raise ValueError(f"{path}: has no column t; give --limit to run through its waypoints in minimum time")
-    waypoints = read_waypoints(path, labels_of(machine))
-    motion, solution = fastest(machine, effects, waypoints, options.limit, options.speed)
-    if not solution.ok:
-        raise ValueError(f"{path}: no timing of the waypoints was found: {solution.message}")
-    say(f"waypoints    run through in {motion.duration:.6g} s, minimum time ({solution.iterations} iterations)")
-    return motion
-
-
-def from_npz(path: Path, machine: Manipulator, effects: list[Effect], noise: float | list[float] | None) -> Motion:
-    """Return the motion of a solution file, found out in which form and frame, or of arrays t, q, v, a."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in ("t", "q", "v", "a") if name in file.files}
-    except (OSError, FileNotFoundError):
-        raise
-    except Exception as error:  # zipfile, zlib and numpy each raise their own for damaged bytes
-        raise ValueError(f"{path}: no readable NPZ file ({error})") from None
-    if "t" in arrays and "q" in arrays:
-        recording = Recording(arrays["t"], arrays["q"], arrays.get("v"), arrays.get("a"), labels_of(machine))
-        return Motion.recorded(recording, noise=noise)
-    solution = load(path)
-    for form in FORMS.values():
-        for frame in machine.frames:
-            try:
-                return Motion.of(solution, form(machine, effects, frame))
-            except ValueError:
-                continue
-    raise ValueError(f"{path}: the solution is not of {machine.name} with these parameters, in any form and frame")
 
 
 def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Namespace) -> dict[str, object]:
@@ -211,6 +165,11 @@ def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Nam
             say(f"exceeded     {drive.name} from {span.start:.6g} to {span.end:.6g} s, up to {span.ratio:.4g} times")
         if drive.overheated:
             say(f"exceeded     {drive.name}: the root mean square {drive.rms:.5g} {drive.unit} is beyond its limit")
+    broken = broken_limits(table)
+    account["broken_limits"] = [asdict(span) for span in broken]
+    for where in broken:
+        when = f"from {where.start:.6g} to {where.end:.6g} s"
+        say(f"exceeded     {where.name} {when}: {where.value:.4g}, the limit is {where.limit:.4g}")
     return account
 
 

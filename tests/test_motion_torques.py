@@ -25,7 +25,17 @@ from models import (
     write_code,
     write_function,
 )  # fmt: skip
-from models.effects import Coulomb, ElasticDrive, Gravity, Payload, RotorInertia, ToolForce, Viscous
+from models.effects import (
+    Coulomb,
+    ElasticDrive,
+    Gravity,
+    Payload,
+    RotorInertia,
+    ToolForce,
+    TorqueSpeed,
+    Viscous,
+)  # fmt: skip
+from models.feasibility import broken_limits
 from models.forms import canonical, hamel, lagrange
 from ocp import (
     Bolza,
@@ -230,6 +240,19 @@ def test_loads_of_a_swinging_axis():
     assert first.start == table.t[np.argmax(over)]
     assert sum(np.sum((table.t >= e.start) & (table.t <= e.end)) for e in lift.exceeded) == np.sum(over)
     assert table.loads[0].exceeded == ()
+
+
+def test_limits_of_effects_along_a_motion():
+    arm, q0, q1 = ENDS["torus"]
+    effects = [Gravity(), TorqueSpeed(stall=(400.0, 900.0, 300.0), no_load=6.0, peak=(1e4, 250.0, 1e4))]
+    table = Motion.septic(q0, q1, 0.8).torques(arm, effects)
+    share = table.tau / [400.0, 900.0, 300.0] + table.v / 6.0
+    outside = np.any(np.abs(share) > 1.0 + 1e-9, axis=1) | (np.abs(table.tau[:, 1]) > 250.0 * (1 + 1e-9))
+    found = broken_limits(table)
+    covered = np.any([(table.t >= span.start) & (table.t <= span.end) for span in found], axis=0)
+    np.testing.assert_array_equal(covered, outside)
+    assert {span.limit for span in found} <= {-1.0, 1.0, 250.0, -250.0}
+    assert broken_limits(Motion.septic(q0, q1, 0.8).torques(arm, [Gravity()])) == ()
 
 
 def test_what_the_drives_need_beside_the_torque():

@@ -198,6 +198,19 @@ def test_tool_points_from_the_shell(command, tmp_path, capsys):
     np.testing.assert_allclose(motion.torques(torus(), times=[0.0, 1.0, 2.0, 3.0]).tool, points, atol=1e-8)
 
 
+def test_a_scene_file_says_machine_and_effects(command, tmp_path, capsys):
+    (tmp_path / "m.csv").write_text(GOOD)
+    scene = ROOT / "scripts" / "scenes" / "torus.toml"
+    options = ["--no-picture", "--json", "--output", str(tmp_path / "r")]
+    assert command([str(tmp_path / "m.csv"), str(scene), *options]) in (0, 1)
+    account = json.loads(capsys.readouterr().out)
+    assert account["machine"] == "torus"
+    assert {"gravity", "payload", "viscous"} <= set(account["split_rms"])
+    assert command([str(tmp_path / "m.csv"), str(scene), "--payload", "2", *options]) == 2
+    assert "leave one of them out" in capsys.readouterr().err
+    assert command([str(tmp_path / "m.csv"), str(tmp_path / "no.toml"), *options]) == 2
+
+
 def test_units_names_and_order(tmp_path):
     degrees = np.rad2deg(Q)
     table = csv("time [ms],q3 [deg],q1 [deg],q2 [deg],note", np.column_stack([1e3 * T, degrees[:, [2, 0, 1]], T]))

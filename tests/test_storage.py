@@ -57,6 +57,9 @@ def assert_equal(loaded, saved):
     np.testing.assert_array_equal([loaded.duration, loaded.cost], [saved.duration, saved.cost])
     np.testing.assert_array_equal(loaded.grid.ends, saved.grid.ends)
     assert repr(loaded.scheme) == repr(saved.scheme)
+    for name in ("x", "u", "path", "ends"):
+        held = (getattr(one.multipliers, name) for one in (loaded, saved))
+        np.testing.assert_array_equal(*held, strict=True, err_msg=name)
 
 
 def stored(tmp_path, solution=SOLUTION):
@@ -77,8 +80,8 @@ def test_round_trip_is_exact(tmp_path, make, control):
 
 
 def test_all_fields_are_compared():
-    compared = {*ARRAYS, *PLAIN, "duration", "cost", "grid", "scheme", "problem"}
-    assert compared == {f.name for f in fields(SOLUTION)}
+    compared = {*ARRAYS, *PLAIN, "duration", "cost", "grid", "scheme", "problem", "multipliers"}
+    assert {*compared, "accuracy"} == {f.name for f in fields(SOLUTION)}
 
 
 def test_failed_solution_round_trip(tmp_path):
@@ -115,14 +118,15 @@ def test_use_as_a_guess(tmp_path):
 
 def test_file_is_open_to_other_readers(tmp_path):
     with np.load(stored(tmp_path), allow_pickle=False) as file:
-        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about"}
+        limits = {f"limits_{name}" for name in ("x", "u", "path", "ends")}
+        assert set(file.files) == {"states", "controls", "slopes", "costates", "ends", "about", *limits}
         about = json.loads(str(file["about"]))
         np.testing.assert_array_equal(file["states"], SOLUTION.states)
     assert about["x"] == ["height [m]", "speed [m/s]"]
     assert about["u"] == ["force [N]"]
     assert about["values"] == {"mass": 1.3, "g": SOLUTION.free["g"]}
     assert about["scheme"] == {"name": "radau", "degree": 3, "control": "constant"}
-    assert (about["format"], about["version"]) == ("hamel-solution", 1)
+    assert (about["format"], about["version"]) == ("hamel-solution", 2)
 
 
 def test_suffix_and_rights_are_the_users(tmp_path):
@@ -180,7 +184,7 @@ DAMAGE = {
     "about no JSON": lambda path: rewritten(path, about=np.array("{")),
     "about a list": lambda path: rewritten(path, about=np.array("[1]")),
     "about a number": lambda path: rewritten(path, about=np.zeros(2)),
-    "newer": lambda path: rewritten(path, version=2),
+    "newer": lambda path: rewritten(path, version=3),
     "version word": lambda path: rewritten(path, version="1"),
     "other format": lambda path: rewritten(path, format="other"),
     "unknown status": lambda path: rewritten(path, status="PERFECT"),
