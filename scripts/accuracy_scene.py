@@ -7,13 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmark_problems import CASES
-from time_optimal import FORMS, TASKS
+from template import TASKS
 
 from models import Manipulator, inverse_dynamics
+from models.catalogue import machines
 from models.effects import Gravity
+from models.forms import canonical, hamel, lagrange
 from ocp import Free, Problem, point_to_point
 
 Array = np.ndarray
+FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,7 @@ def machine_scene(
     """Return the default task of a machine with gravity, or another rest-to-rest task of it in minimum time.
 
     Args:
-        name: of the machine in scripts/time_optimal.py.
+        name: of the machine in scripts/template.py.
         q0, q1: (n,) start and end [rad or m]; None for the default task.
         limit: (n,) magnitude of every drive [N m or N].
 
@@ -83,7 +86,7 @@ def machine_scene(
 
     def maker(form: str) -> Callable[[], Problem]:
         def make() -> Problem:
-            arm = FORMS[form](task.machine(), [Gravity()])
+            arm = FORMS[form](machines()[name](), [Gravity()])
             return point_to_point(arm, values[0], values[1], q=(task.q_min, task.q_max), tau=values[2])
 
         return make
@@ -95,7 +98,7 @@ def machine_scene(
         title,
         {form: maker(form) for form in FORMS},
         peer=peer,
-        motion=Motion(task.machine(), values[0], values[2]),
+        motion=Motion(machines()[name](), values[0], values[2]),
     )
 
 

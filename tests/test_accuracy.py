@@ -14,7 +14,7 @@ import accuracy_table as table
 from accuracy_contenders import Contender, Run
 from accuracy_front import Curve, Point, cheapest, front, price, recommend
 from accuracy_measurement import Progress, Row, against, curves, measure
-from accuracy_reference import Reference, extrapolated
+from accuracy_reference import Reference, extrapolated, polished
 from accuracy_scene import machine_scene, problem_scene
 
 LUUS = 2.98227994254784
@@ -135,7 +135,23 @@ def test_extrapolated_reference_states_an_error_that_holds():
 
 def test_bill_of_a_known_optimum(tmp_path, capsys):
     arguments = ["--problem", "P3", "--grids", "8", "16", "--schemes", "radau", "lobatto", "--controls", "constant"]
-    assert accuracy.main([*arguments, "--repeats", "2", "--output", str(tmp_path), "--json", "--tolerance", "0.1"]) == 0
+    assert (
+        accuracy.main(
+            [
+                *arguments,
+                "--repeats",
+                "2",
+                "--output",
+                str(tmp_path),
+                "--json",
+                "--tolerance",
+                "0.1",
+                "--methods",
+                "uniform",
+            ]
+        )
+        == 0
+    )
     printed = capsys.readouterr()
     account = json.loads(printed.out)
     assert "round 2 of 2" in printed.err
@@ -154,15 +170,33 @@ def test_bill_of_a_known_optimum(tmp_path, capsys):
     assert (tmp_path / "accuracy_P3.png").stat().st_size > 10_000
 
 
+def test_polished_reference_and_contenders_reach_the_known_optimum(tmp_path, capsys):
+    found = polished(problem_scene("P3"))
+    assert found is not None
+    assert abs(found.cost - LUUS) <= found.error <= 1e-10
+    arguments = ["--problem", "P3", "--repeats", "1", "--refine-to", "1e-3", "--tolerance", "1e-9", "--quiet"]
+    methods = ["--methods", "refine", "refine+polish"]
+    assert accuracy.main([*arguments, *methods, "--output", str(tmp_path), "--json"]) == 0
+    account = json.loads(capsys.readouterr().out)
+    refined = [row for row in account["rows"] if row["contender"] == "refined to 1e-03"]
+    assert len(refined) > 1
+    assert refined[-1]["error"] <= 1e-3
+    assert [row["total"] for row in refined] == sorted(row["total"] for row in refined)
+    for row in account["rows"]:
+        assert row["total"] == pytest.approx(row["setup"] + row["derivatives"] + row["solver"])
+        assert row["error"] == abs(row["cost"] - LUUS)
+
+
 def test_lists_make_every_combination_and_none_a_star():
     def names(*arguments):
         options = accuracy.command_line().parse_args(arguments)
         return [c.name for c in accuracy.contenders(machine_scene("torus"), options)]
 
     star = names()
-    assert len(star) == len(set(star)) == 9
+    assert len(star) == len(set(star)) == 10
     assert star[0] == "canonical, radau(3) constant, uniform"
     product = names("--forms", "hamel", "lagrange", "--schemes", "radau", "lobatto", "--degrees", "1", "4")
+    product = [name for name in product if name.endswith("uniform")]
     assert len(product) == 6  # Lobatto has no degree 1
 
 
