@@ -93,7 +93,7 @@ def bill(scene: Scene, options: argparse.Namespace) -> dict[str, object]:
             f"Seconds to an error in {quantity}:",
             table.to_accuracy(every, TOLERANCES, unit, absent),
             "Every run; bold: on the Pareto front.",
-            table.as_markdown(rows, quantity, unit, optimal),
+            table.as_markdown(rows, quantity, unit, optimal, truth.error),
         ]
         table.write(files["csv"], table.as_csv(rows, unit))
         heading = f"optimal control; reference accurate to {truth.error:.0e} {unit}".rstrip()
@@ -171,7 +171,7 @@ def command_line() -> argparse.ArgumentParser:
     )
     add("--tolerance", type=float, default=1e-6, metavar="E", help="error to recommend for (default: %(default)s)")
     add("--repeats", type=int, default=3, metavar="K", help="rounds (default: %(default)s)")
-    add("--budget", type=float, default=75.0, metavar="S", help="no round begins that would end later [s]")
+    add("--budget", type=float, default=95.0, metavar="S", help="nothing is repeated that would end later [s]")
     add("--limit-seconds", type=float, default=60.0, metavar="S", help="after which another tool is stopped")
     add("--output", type=Path, default=Path("results"), metavar="DIR", help="for CSV, Markdown and PNG")
     add("--json", action="store_true", help="print the account as JSON")

@@ -53,19 +53,22 @@ def price(curve: Curve, tolerance: float) -> float:
     """Return the seconds that an error of at most `tolerance` costs on one curve; inf if it does not reach it.
 
     On a continuous curve log(seconds) is interpolated linearly in log(error) between two neighbours; on others the
-    first point that is accurate enough is paid in full.
+    cheapest point that is accurate enough is paid in full.
     """
     if not tolerance > 0.0:
         raise ValueError(f"price: tolerance is {tolerance}, expected a number > 0")
-    before: Point | None = None
-    for point in curve.lasting:
-        if point.error <= tolerance and math.isfinite(point.seconds):
-            if before is None or not curve.continuous or point.error <= 0.0 or point.seconds <= before.seconds:
-                return point.seconds
-            share = math.log(before.error / tolerance) / math.log(before.error / point.error)
-            return float(before.seconds * (point.seconds / before.seconds) ** share)
-        before = point if math.isfinite(point.error) else None
-    return math.inf
+    points = [p for p in curve.lasting if math.isfinite(p.error) and math.isfinite(p.seconds)]
+    enough = [k for k, point in enumerate(points) if point.error <= tolerance]
+    if not enough:
+        return math.inf
+    paid = min(points[k].seconds for k in enough)
+    if not curve.continuous or enough[0] == 0:
+        return paid
+    before, after = points[enough[0] - 1], points[enough[0]]
+    if after.error <= 0.0:
+        return paid
+    share = math.log(before.error / tolerance) / math.log(before.error / after.error)
+    return min(paid, float(before.seconds * (after.seconds / before.seconds) ** share))
 
 
 def cheapest(curves: Sequence[Curve], tolerance: float) -> tuple[Curve, Point] | None:

@@ -69,18 +69,18 @@ def measure(
         contenders: to run.
         scene: they run on.
         repeats: number of rounds.
-        budget: seconds; no round begins that would probably end later. The first one always does.
-        progress: is told of every setting in the first round, of every round later.
+        budget: seconds; no contender is repeated that would probably end later. The first round is complete.
+        progress: is told of every contender and round.
     """
     runs: dict[tuple[str, str], list[Run]] = {}
     rows: dict[tuple[str, str], Row] = {}
-    longest = 0.0
+    lasted: dict[str, float] = {}
     for k in range(repeats):
-        begun = time.perf_counter()
-        if k and progress.elapsed + longest > budget:
-            progress(f"{k} of {repeats} rounds: another one would exceed the budget of {budget:g} s")
-            break
         for c, contender in enumerate(contenders, 1):
+            begun = progress.elapsed
+            if k and begun + lasted[contender.name] > budget:
+                progress(f"round {k + 1} of {repeats} without {contender.name}: it would exceed {budget:g} s")
+                continue
             gc.collect()
             for run in contender.runs(scene):
                 key = contender.name, run.label
@@ -89,8 +89,8 @@ def measure(
                     row = Row(contender.name, run.label, contender.continuous, run.cost, note=run.note)
                     rows[key] = verified(row, run.solution) if run.solution is not None else row
                 gc.collect()
+            lasted[contender.name] = progress.elapsed - begun
             progress(f"round {k + 1} of {repeats}, contender {c} of {len(contenders)}: {contender.name}")
-        longest = max(longest, time.perf_counter() - begun) if k else time.perf_counter() - begun
     return [_with_medians(row, runs[key]) for key, row in rows.items()]
 
 

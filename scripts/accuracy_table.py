@@ -42,8 +42,16 @@ def as_csv(rows: Sequence[Row], unit: str) -> str:
     return text.getvalue()
 
 
-def as_markdown(rows: Sequence[Row], quantity: str, unit: str, optimal: Sequence[tuple[str, str]]) -> str:
-    """Return the table for reading; runs on the Pareto front (contender, label) are set in bold."""
+def as_markdown(rows: Sequence[Row], quantity: str, unit: str, optimal: Sequence[tuple[str, str]], floor: float) -> str:
+    """Return the table for reading; runs on the Pareto front are set in bold.
+
+    Args:
+        rows: to show.
+        quantity: name of the cost.
+        unit: of the cost.
+        optimal: (contender, label) of the runs on the front.
+        floor: error of the reference; what is below cannot be told.
+    """
     of = f" [{unit}]" if unit else ""
     head = (
         "contender", "setting", f"{quantity}{of}", f"true error{of}", f"estimated{of}", "re-simulated end", "limits",
@@ -53,6 +61,7 @@ def as_markdown(rows: Sequence[Row], quantity: str, unit: str, optimal: Sequence
     for row in rows:
         bold = "**" if (row.contender, row.label) in optimal else ""
         figures = [_short(getattr(row, name)) for name in ("error", "estimate", *SHARES)]
+        figures[0] = f"< {_short(floor)}" if row.error < floor else figures[0]
         seconds = [_seconds(getattr(row, name)) for name in SECONDS]
         cells = [row.contender, row.label, f"{row.cost:.10g}", *figures, *seconds, str(row.runs)]
         if row.note:
@@ -76,7 +85,7 @@ def to_accuracy(curves: Sequence[Curve], tolerances: Sequence[float], unit: str,
         if not curve.lasting:
             lines.append(_line([curve.name, *["-"] * len(tolerances), "breaks limits between nodes"]))
             continue
-        best = min(curve.lasting, key=lambda p: p.error)
+        best = min(curve.lasting, key=lambda p: (p.error, p.seconds))
         cells = [_seconds(price(curve, t)) for t in tolerances]
         cells = [cell if math.isfinite(price(curve, t)) else "-" for cell, t in zip(cells, tolerances, strict=True)]
         lines.append(_line([curve.name, *cells, f"{best.error:.1e} in {_seconds(best.seconds)} s, {best.label}"]))
