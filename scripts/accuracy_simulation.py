@@ -63,11 +63,15 @@ class Table:
     reference_error: float  # largest difference between the references of the forms and of two tolerances
 
 
-def settings(horizon: float) -> tuple[Setting, ...]:
-    """Return the default ladder of integrators, tolerances and steps.
+def settings(
+    horizon: float, tolerances: Sequence[float] = TOLERANCES, divisions: Sequence[int] = DIVISIONS
+) -> tuple[Setting, ...]:
+    """Return the ladder of all integrators with their tolerances and steps.
 
     Args:
         horizon: [s].
+        tolerances: relative and absolute, of the integrators with error control.
+        divisions: numbers of steps over the horizon, of those without.
     """
     made: list[Setting] = []
     adaptive = (
@@ -75,7 +79,7 @@ def settings(horizon: float) -> tuple[Setting, ...]:
         integrators.adams, integrators.bdf,
     )  # fmt: skip
     for make in adaptive:
-        made += [Setting(make.__name__, tol, "", make(tol, tol)) for tol in TOLERANCES]
+        made += [Setting(make.__name__, tol, "", make(tol, tol)) for tol in tolerances]
     fixed: dict[str, Callable[[float], Method]] = {
         "euler": integrators.euler,
         "heun": integrators.heun,
@@ -84,7 +88,7 @@ def settings(horizon: float) -> tuple[Setting, ...]:
         "gauss(2)": lambda step: integrators.gauss(2, step),
     }
     for name, of_step in fixed.items():
-        made += [Setting(name, horizon / n, "s", of_step(horizon / n)) for n in DIVISIONS]
+        made += [Setting(name, horizon / n, "s", of_step(horizon / n)) for n in divisions]
     return tuple(made)
 
 
