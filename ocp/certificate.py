@@ -82,8 +82,13 @@ def certify(
     gap, signs = _signs(problem, motion, scheme, parameters)
     cost = max(abs(motion.answer.cost), 1e-300)
     sizes = [limit.range / cost for limit in limits]
-    # At an upper limit multipliers and jumps are positive, at a lower one negative.
-    jumps = tuple(j for j in motion.jumps if j.size * j.contact.side * sizes[j.contact.limit] < -SIGNIFICANT)
+    # At an upper limit multipliers and jumps are positive, at a lower one negative. Those of a hold are derivatives of
+    # its multiplier and noisy on a short arc; those of a touch are multipliers of the programme.
+    jumps = tuple(
+        j
+        for j in motion.jumps
+        if j.size * j.contact.side * sizes[j.contact.limit] < -(SIGNIFICANT if j.contact.control < 0 else RELEASED)
+    )
     # The multiplier is a high derivative and noisy on a short arc; its integral is not.
     pushes = [float(np.sum(p.values * p.contact.side * _seconds(motion, p.arc, scheme))) for p in motion.pressures]
     released = tuple(

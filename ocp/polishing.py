@@ -33,7 +33,7 @@ READINGS = 3  # the second and third after refining the grid where the structure
 PATIENCE = 5.0, 0.5  # times the seconds of the given solve, plus so many; no further structure is tried after that
 GAP = 1e-7  # share of the cost that wrong controls may leave
 EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
-WEIGHT = 1e-2  # of undetermined controls, share of the cost per second
+WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
 PROXIMAL, PRICE = 8, 1e-11  # steps until their price is this share of the cost
 
 
@@ -131,7 +131,7 @@ def _settle(
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
         elements = _elements(arcs, level)
         loose = any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in singular)
-        weight = WEIGHT * abs(coarse.cost) / coarse.duration if loose else 0.0
+        weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
         begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
         motion = solve_arcs(problem, limits, arcs, elements, scheme, guess, coarse.values, begin, weight)
         solves, iterations = solves + 1, iterations + motion.answer.iterations
@@ -154,12 +154,17 @@ def _settle(
         if (not sound or len(revised) < len(motion.arcs)) and _key(revised) not in seen:
             arcs, guess, steps = revised, from_solution(solution), 0
             continue
+        regularised = motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL
+        if not sound and regularised and not (certificate.signs or certificate.crossings or certificate.jumps):
+            # What is wrong is inside singular arcs, and the price on them does that.
+            arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
+            continue
         if not sound and level >= 1:
             return _Try(None, None, _what(problem, limits, certificate), solves, iterations)
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
-        if motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL:
+        if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
         return _Try(motion, certificate, "", solves, iterations)
