@@ -19,6 +19,7 @@ from ocp.multipliers import Jump, Pressure, Tie, adjoin_directly
 from ocp.problem import Free, Problem
 from ocp.programme import Programme, bounds, pack
 from ocp.scaling import from_limits
+from ocp.solution import Status
 from ocp.statelimit import StateLimit
 from ocp.structure import Arc, Contact, Kind
 from ocp.transcription import free_parameters, transcribe
@@ -106,9 +107,17 @@ def solve_arcs(
     low, high, rows_low, rows_high = _pinned(problem, programme, arcs, limits, division)
     z0 = pack(programme, guess, numbers)
     z0[programme.layout.horizon] = durations / scaling.horizon
-    solver = build(programme.nlp, programme.derivatives, settings, warm=False)
-    setup = time.perf_counter() - begun
-    answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), (low, high, rows_low, rows_high))
+    if np.sum(rows_low == rows_high) > np.sum(low < high):
+        # CasADi would only warn: the structure has fewer unknowns than conditions.
+        nothing = np.zeros(programme.rows)
+        answer = Answer(
+            z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, "fewer unknowns than conditions", 0, 0.0, 0.0, {}
+        )
+        setup = time.perf_counter() - begun
+    else:
+        solver = build(programme.nlp, programme.derivatives, settings, warm=False)
+        setup = time.perf_counter() - begun
+        answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), (low, high, rows_low, rows_high))
     layout = programme.layout
     found = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
     done = tuple(replace(a, duration=float(t)) for a, t in zip(arcs, found, strict=True))

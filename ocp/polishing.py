@@ -15,7 +15,7 @@ from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.problem import Problem
 from ocp.reading import contacts, read
-from ocp.revision import revise, without_shortest_hold, without_vanished
+from ocp.revision import revise, with_swap, without_shortest_hold, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
 from ocp.statelimit import StateLimit, state_limits
@@ -23,11 +23,12 @@ from ocp.structure import Arc, Kind, tabulate
 from ocp.switching import switching_functions
 
 Array = np.ndarray
-SETTINGS = Ipopt(tol=1e-10, max_iter=100, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
+SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 PER_MOTION = 16  # elements of the whole motion at first, at least one for each arc
 DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
+FAILURES = 2  # structures that lead nowhere, tried for one reading
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
 PATIENCE = 20.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
 GAP = 1e-7  # share of the cost that wrong controls may leave
@@ -125,7 +126,7 @@ def _settle(
     """Read a structure, solve it and revise it until nothing is wrong."""
     arcs, guess = read(problem, coarse, limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
-    solves = iterations = level = steps = 0
+    solves = iterations = level = steps = failures = 0
     singular = set(undetermined(problem).tolist())
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
         elements = _elements(arcs, level)
@@ -136,10 +137,11 @@ def _settle(
         solves, iterations = solves + 1, iterations + motion.answer.iterations
         seen.add(_key(arcs))
         if motion.answer.status is not Status.SOLVED:
-            fewer = next((f for f in (without_shortest_hold(arcs), without_vanished(motion.arcs))
-                          if _key(f) not in seen), None)  # fmt: skip
-            if fewer is not None:
-                arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in fewer)
+            failures += 1
+            others = with_swap(arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
+            other = next((o for o in others if _key(o) not in seen), None)
+            if other is not None and failures <= FAILURES:
+                arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
             return _Try(None, None, words, solves, iterations)

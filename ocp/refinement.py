@@ -36,6 +36,7 @@ LATER = 1e-3  # share of the last error that the solver may leave in a rung
 TIGHTEST = 1e-13
 STALLED = 4  # rungs without half the error before
 LONGEST_RUN = 3  # neighbouring elements that one jump of a control may disturb
+USABLE = (Status.SOLVED, Status.ACCEPTABLE)  # the estimate judges what a looser solve is worth
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
 
 
@@ -118,7 +119,6 @@ def _rungs(
 ) -> Iterator[Solution]:  # fmt: skip
     history: list[float] = []
     found: Solution = solve(problem, scheme, grid, solver, guess, values)
-    usable = (Status.SOLVED, Status.ACCEPTABLE)
     while True:
         errors = estimate(found)
         history.append(wanted.error(found, errors))
@@ -126,7 +126,7 @@ def _rungs(
         if rung.accuracy is not None and rung.accuracy.met:
             yield _ended(rung, "the tolerance is met")
             return
-        if finish is not None and found.status in usable:
+        if finish is not None and found.status in USABLE:
             finished = finish(found)
             last = _told(finished, wanted, estimate(finished), budget) if finished.ok else rung
             if last.accuracy is not None and last.accuracy.error < history[-1]:
@@ -135,7 +135,7 @@ def _rungs(
                     yield _ended(last, "the tolerance is met")
                     return
                 rung = last
-        stuck = found.status not in usable
+        stuck = found.status not in USABLE
         scheme, grid = (found.scheme, found.grid) if stuck else refine(found, wanted, errors)
         reason = found.status.value if stuck else budget.refuses(grid, found.timings.total, len(found.grid))
         if len(history) > STALLED and min(history[-STALLED:]) > 0.5 * min(history[:-STALLED]):
@@ -178,11 +178,12 @@ def _next(
     prepared = prepare(problem, scheme, grid, solver, last, values)
     found: Solution = prepared.proceed(last, values)
     worst = last.cost + errors.cost
-    if found.status is not Status.FAILED and found.cost <= worst + estimate(found).cost:
+    usable = found.status in USABLE
+    if usable and (found.cost <= worst or found.cost <= worst + estimate(found).cost):
         return found
     cold: Solution = prepared(None, values)
-    best = min((one for one in (found, cold) if one.ok), key=lambda one: one.cost, default=cold)
-    why = "lead to a worse optimum" if found.ok else "fail"
+    best = min((one for one in (found, cold) if one.status in USABLE), key=lambda one: one.cost, default=cold)
+    why = "lead to a worse optimum" if usable else "fail"
     return replace(
         best, iterations=found.iterations + cold.iterations,
         message=f"{best.message}; the multipliers of the rung before {why}, solved from scratch",

@@ -50,6 +50,23 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
     return merged(tuple(changed))
 
 
+def with_swap(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which the two events around the shortest inner arc happen in the other order, if they can."""
+    inner = [k for k in range(1, len(arcs) - 1) if not arcs[k].touched and not arcs[k + 1].touched]
+    for k in sorted(inner, key=lambda k: arcs[k].duration)[:1]:
+        before, here, after = arcs[k - 1 : k + 2]
+        pairs = list(zip(before.kinds, here.kinds, after.kinds, strict=True))
+        if any(a is not b and b is not c for a, b, c in pairs):
+            break
+        kinds = tuple(c if b is not c else a for a, b, c in pairs)
+        held = tuple(c for c in before.held if c not in here.held or c in after.held)
+        held += tuple(c for c in after.held if c not in here.held and c not in held)
+        if {c.control for c in held} != {i for i, kind in enumerate(kinds) if kind is Kind.HOLDING}:
+            break
+        return merged((*arcs[:k], replace(here, kinds=kinds, held=held), *arcs[k + 1 :]))
+    return arcs
+
+
 def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
     """Return arcs in which the limit held for the shortest time is not held, its control left as in the arc before."""
     held = [k for k, arc in enumerate(arcs) if arc.held and k > 0]

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 from template import TASKS
 
-from models.catalogue import machines
 from models.effects import Gravity
 from models.forms import canonical
 from ocp import Bolza, Fixed, Free, Guess, Ipopt, Problem, System, along, end, radau, smooth, start, uniform
@@ -167,7 +166,7 @@ def manipulator(name: str, title: str) -> Callable[[], Case]:
 
     def make() -> Case:
         task = TASKS[name]
-        arm = canonical(machines()[name](), [Gravity()])
+        arm = canonical(task.machine(), [Gravity()])
         rest, free, limit = np.zeros(len(task.q0)), np.full(len(task.q0), np.inf), np.array(task.limit)
         return Case(
             title,

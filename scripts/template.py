@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 
-from models import Manipulator, catalogue
+from models import Manipulator, catalogue, cylindrical, spherical, torus
 from models.parameters import Follows, unit_of
 
 # Values of parameters without a default, by unit, of a usual size.
@@ -23,6 +23,7 @@ LARGER = {("stribeck", "f_static"): 3.0, ("torque_speed", "stall"): 600.0}
 class Default:
     """A default task of a machine: rest to rest within limits."""
 
+    machine: Callable[[], Manipulator]
     q0: tuple[float, ...]  # [rad or m]
     q1: tuple[float, ...]
     q_min: tuple[float, ...]
@@ -32,13 +33,16 @@ class Default:
 
 TASKS = {
     "spherical": Default(
+        spherical,
         (0.9, 0.0, 0.0, 0.85), (1.6, 2.0, 0.5, 0.9),
         (0.15, -3.0, -3.0, 0.6), (2.8, 3.0, 3.0, 1.1), (260.0, 160.0, 3.0, 400.0),
     ),
     "cylindrical": Default(
-        (0.0, 0.2, 0.6), (2.0, 0.8, 0.8), (-3.0, 0.0, 0.3), (3.0, 1.2, 1.0), (150.0, 1000.0, 300.0)
+        cylindrical, (0.0, 0.2, 0.6), (2.0, 0.8, 0.8), (-3.0, 0.0, 0.3), (3.0, 1.2, 1.0), (150.0, 1000.0, 300.0)
     ),
-    "torus": Default((0.0, 0.4, -0.9), (2.0, 0.8, -1.3), (-3.0, -0.3, -2.6), (3.0, 2.0, 2.6), (250.0, 600.0, 220.0)),
+    "torus": Default(
+        torus, (0.0, 0.4, -0.9), (2.0, 0.8, -1.3), (-3.0, -0.3, -2.6), (3.0, 2.0, 2.6), (250.0, 600.0, 220.0)
+    ),
 }  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from models import Scene, catalogue
 from models.document import SceneError, Table, parse, read_document
 from models.effects import Gravity
 from models.terms import name_of
-from ocp import Report, SequenceSolution, Solution, radau, save, solve, uniform, verify
+from ocp import Report, SequenceSolution, Solution, polish, radau, save, solve, uniform, verify
 
 AGREEMENT = 1e-8  # recovered torques against those of the solution, share of the limit
 
@@ -68,6 +68,10 @@ def find_motion(scene: Scene, task: Task, options: argparse.Namespace, say: Call
     for note in scene.system.notes:
         say(f"note: {note}")
     solution = solve(task.problem(scene.system), scheme=radau(3), grid=uniform(task.elements))
+    if options.polish and isinstance(solution, Solution):
+        solution = polish(solution)
+    elif options.polish:
+        say("polish: a motion through points is several phases, which are not polished; left as solved")
     report = verify(solution)
     times, table, unrecovered = tabulate(solution, scene)
     legs, _ = picture.phases(solution)
@@ -172,6 +176,9 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")
     parser.add_argument("--card", action="store_true", help="print the card of the scene and the task, and stop")
     parser.add_argument("--budget", action="store_true", help="solve again with each effect left out; what each costs")
+    parser.add_argument(
+        "--polish", action="store_true", help="make the switching times unknowns; t_f to about nine digits"
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--json", action="store_true", help="print the account as JSON")
     return parser
@@ -206,7 +213,12 @@ def describe(
 ) -> None:
     """Print the compact account."""
     spent = solution.timings
-    say(f"t_f          {solution.duration:.6f} s ({solution.status.name.lower()}, {solution.iterations} iterations)")
+    structure = solution.structure if isinstance(solution, Solution) else None
+    digits = 6 if structure is None else 10
+    found = f"{solution.duration:.{digits}f} s"
+    say(f"t_f          {found} ({solution.status.name.lower()}, {solution.iterations} iterations)")
+    if "polished" in solution.message:
+        say(f"polish       {solution.message.partition('; ')[2]}")
     if np.isfinite(report.switching):
         say(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
     else:
@@ -219,6 +231,8 @@ def describe(
     where = f" ({report.violation.what})" if report.violation > 0.0 else ""
     say(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
     say(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")
+    if structure is not None:
+        say(f"structure\n{structure}")
     say(f"energy       balance open by {report.energy:.1e}")
     if isinstance(difference, str):
         say(f"torques      those of the solution: {difference}")

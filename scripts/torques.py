@@ -38,6 +38,7 @@ from models.recording import as_trajectory
 from models.scene_file import read_scene
 from models.terms import Effect
 
+JOINT = ("motor_q", "motor_v")  # of the drives, that are no loads
 LONG = 100_000  # rows from which progress is shown
 ROWS = 50_000  # written at once
 Say = Callable[[str], None]
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         table = motion.torques(machine, effects, times=times, limits=limits, progress=progress("inverse dynamics"))
         say(f"{machine.name} manipulator, {', '.join(repr(e) for e in effects) or 'no effects'}")
         say(repr(motion))
-        account = describe(say, motion, table, options)
+        account = describe(say, motion, table, scene, options)
         files = write(options, motion, table, account)
     except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
         sentence = " ".join(str(error).split()) or type(error).__name__
@@ -132,7 +133,9 @@ def envelopes(options: argparse.Namespace, machine: Manipulator) -> list[Envelop
     return [Envelope(**{name: values[i] for name, values in given.items()}) for i in range(n)] if given else []
 
 
-def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Namespace) -> dict[str, object]:
+def describe(
+    say: Say, motion: Motion, table: TorqueTable, scene: Scene, options: argparse.Namespace
+) -> dict[str, object]:
     """Print the summary and return it as plain data."""
     for note in motion.notes:
         say(f"note: {note}")
@@ -150,6 +153,17 @@ def describe(say: Say, motion: Motion, table: TorqueTable, options: argparse.Nam
     }
     shares = "   ".join(f"{name} {', '.join(f'{x:.4g}' for x in _rms(part))}" for name, part in table.split.items())
     say(f"split (rms)  {shares}")
+    try:
+        needs = {name: part for name, part in table.drives.items() if name not in JOINT}
+    except ValueError as error:
+        needs = {}
+        say(f"note: {error}")
+    sizes = {name: {"peak": _peak(part).tolist(), "rms": _rms(part).tolist()} for name, part in needs.items()}
+    account["drive_side"] = sizes
+    if any(name != "motor_tau" or not np.array_equal(part, table.tau) for name, part in needs.items()):
+        for name, part in needs.items():
+            unit = scene.system.label(name, part.shape[1])[0].unit or "N m or N"
+            say(f"{name:<12} peak {_row(_peak(part))}, rms {_row(_rms(part))} [{unit}]")
     smoothed, uncertainty = motion.smoothed, table.uncertainty
     if smoothed is not None and uncertainty is not None:
         say(f"noise        {_row(smoothed.noise)} (rad or m), residual {_row(smoothed.residual)}")
@@ -231,6 +245,10 @@ def progress(what: str) -> Callable[[int, int], None] | None:
 
 def _rms(values: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def _peak(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.max(np.abs(values), axis=0))
 
 
 def _row(values: np.ndarray) -> str:

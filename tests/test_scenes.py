@@ -89,7 +89,7 @@ def test_a_scene_is_a_value_with_checks():
         scene.without(Viscous(1.0))
     with pytest.raises(TypeError, match="form is 'hamel', expected canonical"):
         Scene(spherical(), form="hamel")
-    with pytest.raises(ValueError, match="it has paper, regular, ldl, udu"):
+    with pytest.raises(ValueError, match="it has paper, regular, coordinate, ldl, udu"):
         Scene(spherical(), frame="arrow")
 
 

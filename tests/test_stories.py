@@ -93,7 +93,7 @@ def test_no_solution_is_exit_1_and_a_sentence(tmp_path: Path) -> None:
     [
         (("--from", "1", "2"), "4 coordinates (theta, psi, phi, r)"),
         (("--limit", "1", "1", "-1", "1"), "limits > 0"),
-        (("--frame", "arrow"), "it has paper, regular, ldl, udu"),
+        (("--frame", "arrow"), "it has paper, regular, coordinate, ldl, udu"),
         (("--nodes", "0"), "expected a whole number >= 1"),
         (("--machine", "scara"), "invalid choice"),
         (("--to", "a"), "invalid float"),
