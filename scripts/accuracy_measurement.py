@@ -76,10 +76,11 @@ def measure(
     rows: dict[tuple[str, str], Row] = {}
     lasted: dict[str, float] = {}
     for k in range(repeats):
+        left_out = []
         for c, contender in enumerate(contenders, 1):
             begun = progress.elapsed
             if k and begun + lasted[contender.name] > budget:
-                progress(f"round {k + 1} of {repeats} without {contender.name}: it would exceed {budget:g} s")
+                left_out.append(contender.name)
                 continue
             gc.collect()
             for run in contender.runs(scene):
@@ -91,6 +92,8 @@ def measure(
                 gc.collect()
             lasted[contender.name] = progress.elapsed - begun
             progress(f"round {k + 1} of {repeats}, contender {c} of {len(contenders)}: {contender.name}")
+        if left_out:
+            progress(f"round {k + 1} of {repeats} would exceed {budget:g} s with {'; '.join(left_out)}")
     return [_with_medians(row, runs[key]) for key, row in rows.items()]
 
 
