@@ -48,6 +48,10 @@ class Local:
     def derived(self) -> Derived:
         """Return results, slopes and curvature as expressions in w."""
         w, lam = ca.SX.sym("w", len(self.places)), ca.SX.sym("lam", len(self.linear))
+        if self.values.is_zero():
+            constant = _sparse(self.linear)
+            none = ca.SX(len(self.places), len(self.places))
+            return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), none)
         mu = ca.SX.sym("mu", self.values.numel())
         curvature = ca.hessian(ca.dot(mu, self.values), self.arguments)[0]
         given = [self.arguments, *self.inputs]
