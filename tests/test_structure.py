@@ -1,13 +1,15 @@
 """Structures: merged arcs and tables, revision of hand-made arcs, reading of hand-made motions."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import problems
 import pytest
 
-from ocp import Free, Problem, along, solve, start, uniform
+from ocp import Free, Problem, along, polish, solve, start, uniform
 from ocp.certificate import Certificate, Crossing, WrongSign
 from ocp.multipliers import Jump
 from ocp.reading import contacts, read
@@ -21,6 +23,9 @@ from ocp.revision import (
 )
 from ocp.statelimit import state_limits
 from ocp.structure import Arc, Contact, Kind, Row, Structure, merged, tabulate
+
+sys.path.append(str(Path(__file__).parents[1] / "scripts"))
+import picture_structure
 
 LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING
 HELD, TOUCHED = Contact(0, 1, 0), Contact(0, 1)
@@ -236,3 +241,25 @@ def test_contact_of_a_limit_without_order_is_not_added():
     assert [limit.order for limit in limits] == [0]
     arcs = arcs_of((UPPER, 1.0), (LOWER, 1.0))
     assert with_contact(arcs, Crossing(TOUCHED, 1.2, 1.6, 1.5, 1e-3), limits) == arcs
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf"])
+def test_picture_of_a_structure_is_written(tmp_path, suffix):
+    coarse = solve(AXIS, grid=uniform(20))
+    path = tmp_path / f"structure.{suffix}"
+    with pytest.raises(ValueError, match="no structure; polish it first"):
+        picture_structure.structure(coarse, path)
+    polished = polish(coarse)
+    with pytest.raises(ValueError, match="loaded without its model"):
+        picture_structure.structure(replace(polished, problem=None), path)
+    assert not path.exists()
+    picture_structure.structure(polished, path)
+    assert path.read_bytes().startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[suffix])
+    assert path.stat().st_size > 5000
+    assert picture_structure.plt.get_fignums() == []
+
+
+def test_picture_of_touches_and_of_controls_without_limits(tmp_path):
+    polished = polish(solve(problems.bryson_denham(0.2).problem, grid=uniform(20)))
+    assert Kind.TOUCH in {row.kind for row in polished.structure}
+    picture_structure.structure(polished, tmp_path / "touch.png")
