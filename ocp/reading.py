@@ -47,6 +47,8 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -
     holds, touches = contacts(problem, solution, limits)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     places = [_place(u[:, i], low[i], high[i]) for i in range(u.shape[1])]
+    # A control cannot be at a limit that it does not have, whatever its switching function says.
+    share = np.where(np.isfinite(np.where(share > 0.0, low, high)), share, 0.0)
     holds = [part for hold in holds for part in _possible(hold, edges, places[hold.contact.control])]
     spells: list[list[Spell]] = []
     for i, place in enumerate(places):

@@ -263,3 +263,9 @@ def test_picture_of_touches_and_of_controls_without_limits(tmp_path):
     polished = polish(solve(problems.bryson_denham(0.2).problem, grid=uniform(20)))
     assert Kind.TOUCH in {row.kind for row in polished.structure}
     picture_structure.structure(polished, tmp_path / "touch.png")
+
+
+def test_control_without_limits_is_never_at_one():
+    free = replace(FREE, subject_to=FREE.subject_to[:1])
+    solution = motion(FREE, [FAST] * 6 + [0.0, -1.0, 1.0, 0.5, -0.5, 0.0] + [SLOW] * 8, lambda t: t - 0.45)
+    assert [arc.kinds for arc in read(free, replace(solution, problem=free), ())] == [(INTERIOR,)]
