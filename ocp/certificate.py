@@ -21,6 +21,7 @@ BETWEEN = 16  # places on each element at which state limits are checked
 ROUNDING = 1e-9  # share of the range of a state limit that is no violation
 RELEASED = 1e-4  # share of the cost per range of a limit, below zero, at which holding it counts as wrong
 SIGNIFICANT = 1e-6  # share of the Hamiltonian below which a switching function is zero
+LEAST = 1e-12  # share of the cost that an interval with a wrong sign costs, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -125,14 +126,16 @@ def _signs(
     weights = (seconds[:, None] * weight).ravel()
     kinds = np.array([[a.kinds[i].value for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     wrong: list[WrongSign] = []
+    cost = max(abs(motion.answer.cost), 1e-300)
     for i in range(u.shape[1]):
         for kind, wanted in ((Kind.LOWER, Kind.UPPER), (Kind.UPPER, Kind.LOWER)):
             bad = (gains[:, i] > 0.0) & (kinds[:, i] == kind.value)
             edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
             for a, b in zip(edges[::2], edges[1::2], strict=True):
                 gain = float(weights[a:b] @ gains[a:b, i])
-                wrong.append(WrongSign(i, float(t[a]), float(t[b - 1]), gain, wanted))
-    total = float(weights @ gains.sum(axis=1)) / max(abs(motion.answer.cost), 1e-300)
+                if gain > LEAST * cost:
+                    wrong.append(WrongSign(i, float(t[a]), float(t[b - 1]), gain, wanted))
+    total = float(weights @ gains.sum(axis=1)) / cost
     return total, tuple(sorted(wrong, key=lambda w: -w.gain))
 
 

@@ -49,6 +49,8 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -
     holds, touches = contacts(problem, solution, limits)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     places = [_place(u[:, i], low[i], high[i]) for i in range(u.shape[1])]
+    # A control cannot be at a limit that it does not have, whatever its switching function says.
+    share = np.where(np.isfinite(np.where(share > 0.0, low, high)), share, 0.0)
     kept = [(hold, _possible(hold, edges, places[hold.contact.control])) for hold in holds]
     holds = [part for _, parts in kept for part in parts]
     # A limit that no control holds, however long it takes, is touched.
