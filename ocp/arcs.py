@@ -107,8 +107,8 @@ def solve_arcs(
     low, high, rows_low, rows_high = _pinned(problem, programme, arcs, limits, division)
     z0 = pack(programme, guess, numbers)
     z0[programme.layout.horizon] = durations / scaling.horizon
-    if np.sum(rows_low == rows_high) > np.sum(low < high):
-        # CasADi would only warn: the structure has fewer unknowns than conditions.
+    if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(arcs):
+        # Fewer unknowns than conditions, and no symmetry that could make some of them follow from others.
         nothing = np.zeros(programme.rows)
         answer = Answer(
             z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, "fewer unknowns than conditions", 0, 0.0, 0.0, {}
@@ -133,6 +133,13 @@ def solve_arcs(
     )
     price = sum(_price(n, controls, grid.widths * found.sum()) for n in near)
     return ArcMotion(done, answer, grid, arc, states, controls, costates, pressures, jumps, free, setup, price)
+
+
+def _simultaneous(arcs: tuple[Arc, ...]) -> int:
+    """Return how many switches happen at the same time as another one."""
+    pairs = zip(arcs[:-1], arcs[1:], strict=True)
+    changes = [sum(a is not b for a, b in zip(one.kinds, other.kinds, strict=True)) for one, other in pairs]
+    return sum(max(count - 1, 0) for count in changes)
 
 
 def undetermined(problem: Problem) -> Array:
