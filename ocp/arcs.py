@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -137,7 +138,7 @@ def solve_arcs(
 
 def _simultaneous(arcs: tuple[Arc, ...]) -> int:
     """Return how many switches happen at the same time as another one."""
-    pairs = zip(arcs[:-1], arcs[1:], strict=True)
+    pairs = pairwise(arcs)
     changes = [sum(a is not b for a, b in zip(one.kinds, other.kinds, strict=True)) for one, other in pairs]
     return sum(max(count - 1, 0) for count in changes)
 
