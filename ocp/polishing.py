@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from ocp.arcs import ArcMotion, solve_arcs, undetermined
@@ -96,6 +97,11 @@ def polish(
     if not solution.ok:
         return _unpolished(solution, "it is not a solved one")
     limits = state_limits(problem)
+    together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
+    for hold in contacts(problem, solution, limits)[0] if together else []:
+        if limits[hold.contact.limit] in together:
+            name = limits[hold.contact.limit].label.name
+            return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed = solution.cost + _doubt(problem, solution)
     coarse, reason, solves, iterations = solution, "", 0, 0
     until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
@@ -117,6 +123,11 @@ def polish(
                 break
             coarse = finer
     return _unpolished(solution, reason)
+
+
+def _couples(problem: Problem, limit: StateLimit) -> bool:
+    """Return whether a limit depends on more than one control."""
+    return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
 
 
 def _settle(
