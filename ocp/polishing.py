@@ -16,7 +16,7 @@ from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.problem import Problem
 from ocp.reading import contacts, read
-from ocp.revision import revise, without_shortest_hold, without_vanished
+from ocp.revision import revise, swapped, without_shortest_hold, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
 from ocp.statelimit import StateLimit, state_limits
@@ -147,7 +147,7 @@ def _settle(
         solves, iterations = solves + 1, iterations + motion.answer.iterations
         seen.add(_key(arcs))
         if motion.answer.status is not Status.SOLVED:
-            fewer = next((f for f in (without_shortest_hold(arcs), without_vanished(motion.arcs))
+            fewer = next((f for f in (swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs))
                           if _key(f) not in seen), None)  # fmt: skip
             if fewer is not None:
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in fewer)

@@ -32,6 +32,25 @@ def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
     return merged(tuple(kept)) if kept else arcs
 
 
+def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which two switches of different controls, between which the arc has vanished, change places."""
+    total = sum(arc.duration for arc in arcs)
+    changed = list(arcs)
+    for k in range(1, len(arcs) - 1):
+        before, arc, after = changed[k - 1], changed[k], changed[k + 1]
+        first = {i for i, kind in enumerate(arc.kinds) if kind is not before.kinds[i]}
+        second = {i for i, kind in enumerate(arc.kinds) if kind is not after.kinds[i]}
+        if arc.duration > VANISHED * total or not first or not second or first & second:
+            continue
+        if arc.touched or after.touched:
+            continue
+        kinds = tuple(after.kinds[i] if i in second else kind for i, kind in enumerate(before.kinds))
+        holding = {i for i, kind in enumerate(kinds) if kind is Kind.HOLDING}
+        held = tuple(c for c in dict.fromkeys((*before.held, *after.held)) if c.control in holding)
+        changed[k] = Arc(kinds, arc.duration, held)
+    return tuple(changed)
+
+
 def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> tuple[Arc, ...]:
     """Return arcs without contacts whose multiplier or jump says that the motion would rather leave the limit."""
     changed = list(arcs)

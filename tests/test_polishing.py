@@ -195,10 +195,7 @@ def coarse_task(name, form, **changes):
     return solve(problem, grid=uniform(50)), arm, machine, effects
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["torus", "cylindrical", pytest.param("spherical", marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("name", TASKS)
 def test_machine_with_an_active_limit(name):
     found = []
     for form, scheme in (("canonical", SIX), ("hamel", OTHER["legendre8"]), ("canonical", OTHER["radau7"])):
