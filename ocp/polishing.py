@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from ocp.arcs import ArcMotion, solve_arcs, undetermined
@@ -15,7 +16,7 @@ from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.problem import Problem
 from ocp.reading import contacts, read
-from ocp.revision import revise, with_swap, without_shortest_hold, without_vanished
+from ocp.revision import revise, swapped, without_shortest_hold, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
 from ocp.statelimit import StateLimit, state_limits
@@ -97,6 +98,11 @@ def polish(
     if not solution.ok:
         return _unpolished(solution, "it is not a solved one")
     limits = state_limits(problem)
+    together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
+    for hold in contacts(problem, solution, limits)[0] if together else []:
+        if limits[hold.contact.limit] in together:
+            name = limits[hold.contact.limit].label.name
+            return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed = solution.cost + _doubt(problem, solution)
     coarse, reason, solves, iterations = solution, "", 0, 0
     until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
@@ -120,6 +126,11 @@ def polish(
     return _unpolished(solution, reason)
 
 
+def _couples(problem: Problem, limit: StateLimit) -> bool:
+    """Return whether a limit depends on more than one control."""
+    return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
+
+
 def _settle(
     problem: Problem, limits: tuple[StateLimit, ...], coarse: Solution, scheme: Scheme, settings: Ipopt, until: float
 ) -> _Try:
@@ -138,7 +149,7 @@ def _settle(
         seen.add(_key(arcs))
         if motion.answer.status is not Status.SOLVED:
             failures += 1
-            others = with_swap(arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
+            others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
             other = next((o for o in others if _key(o) not in seen), None)
             if other is not None and failures <= FAILURES:
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)

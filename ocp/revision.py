@@ -32,6 +32,25 @@ def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
     return merged(tuple(kept)) if kept else arcs
 
 
+def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which two switches of different controls, between which the arc has vanished, change places."""
+    total = sum(arc.duration for arc in arcs)
+    changed = list(arcs)
+    for k in range(1, len(arcs) - 1):
+        before, arc, after = changed[k - 1], changed[k], changed[k + 1]
+        first = {i for i, kind in enumerate(arc.kinds) if kind is not before.kinds[i]}
+        second = {i for i, kind in enumerate(arc.kinds) if kind is not after.kinds[i]}
+        if arc.duration > VANISHED * total or not first or not second or first & second:
+            continue
+        if arc.touched or after.touched:
+            continue
+        kinds = tuple(after.kinds[i] if i in second else kind for i, kind in enumerate(before.kinds))
+        holding = {i for i, kind in enumerate(kinds) if kind is Kind.HOLDING}
+        held = tuple(c for c in dict.fromkeys((*before.held, *after.held)) if c.control in holding)
+        changed[k] = Arc(kinds, arc.duration, held)
+    return tuple(changed)
+
+
 def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> tuple[Arc, ...]:
     """Return arcs without contacts whose multiplier or jump says that the motion would rather leave the limit."""
     changed = list(arcs)
@@ -48,23 +67,6 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
             arc, kinds=kinds, held=tuple(c for c in arc.held if c != contact), touched=(*arc.touched, touch)
         )
     return merged(tuple(changed))
-
-
-def with_swap(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return arcs in which the two events around the shortest inner arc happen in the other order, if they can."""
-    inner = [k for k in range(1, len(arcs) - 1) if not arcs[k].touched and not arcs[k + 1].touched]
-    for k in sorted(inner, key=lambda k: arcs[k].duration)[:1]:
-        before, here, after = arcs[k - 1 : k + 2]
-        pairs = list(zip(before.kinds, here.kinds, after.kinds, strict=True))
-        if any(a is not b and b is not c for a, b, c in pairs):
-            break
-        kinds = tuple(c if b is not c else a for a, b, c in pairs)
-        held = tuple(c for c in before.held if c not in here.held or c in after.held)
-        held += tuple(c for c in after.held if c not in here.held and c not in held)
-        if {c.control for c in held} != {i for i, kind in enumerate(kinds) if kind is Kind.HOLDING}:
-            break
-        return merged((*arcs[:k], replace(here, kinds=kinds, held=held), *arcs[k + 1 :]))
-    return arcs
 
 
 def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:

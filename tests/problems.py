@@ -1,7 +1,7 @@
 """Optimal-control problems whose optimum is known, each with the source of its number."""
 
 from dataclasses import dataclass
-from math import inf, pi, sqrt
+from math import cosh, inf, pi, sinh, sqrt, tanh
 
 import casadi as ca
 import numpy as np
@@ -103,6 +103,23 @@ def bryson_denham(limit):
     problem = Problem(axis, Fixed(1.0), Bolza(running=u**2 / 2), (*bounce, along(x[0], upper=limit)))
     cost = 4 / (9 * limit) if limit <= 1 / 6 else 2 + 6 * (1 - 4 * min(limit, 1 / 4)) ** 2
     return Known(f"Bryson-Denham, l = {limit}", problem, cost, f"Breakwell, Bryson, Denham; {DYMOS}")
+
+
+def regulator(horizon=5.0):
+    """min 1/2 int x_1^2 + x_2^2, x_1'' = u, |u| <= 1: u = -1, then singular with u = x_1 = size cosh(T - t).
+
+    Returned with the switching time, where x_2 = -x_1 tanh(T - t), the size and the cost; elementary.
+    """
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    axis = system(x, u, ca.vertcat(x[1], u))
+    problem = Problem(axis, Fixed(horizon), Bolza(running=ca.sumsqr(x) / 2), (start(x, [0, 1]), along(u, -1, 1)))
+    low, high = 1.0, 2.0
+    for _ in range(60):
+        t = (low + high) / 2
+        low, high = (t, high) if 1 - t > -(t - t**2 / 2) * tanh(horizon - t) else (low, t)
+    size = (t - t**2 / 2) / cosh(horizon - t)
+    bang = (t**3 / 3 - t**4 / 4 + t**5 / 20 + (1 - (1 - t) ** 3) / 3) / 2
+    return problem, t, size, bang + size**2 * sinh(2 * (horizon - t)) / 4
 
 
 def brachistochrone():

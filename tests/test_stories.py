@@ -27,7 +27,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_there_are_the_stories_and_effects() -> None:
-    assert len(STORIES) == 5
+    assert len(STORIES) == 6
 
 
 @pytest.mark.parametrize("number", range(len(STORIES)))

@@ -15,6 +15,7 @@ from ocp.multipliers import Jump
 from ocp.reading import contacts, read
 from ocp.revision import (
     revise,
+    swapped,
     with_contact,
     with_sign,
     without_false_contacts,
@@ -151,6 +152,22 @@ def test_control_wrong_along_its_whole_spell_changes_there():
     arcs = Arc((UPPER, UPPER), 1.0), Arc((LOWER, UPPER), 1.0), Arc((UPPER, UPPER), 1.0)
     found = with_sign(arcs, WrongSign(0, 1.01, 1.99, 1e-3, UPPER))
     assert found == (Arc((UPPER, UPPER), 3.0),)
+
+
+def test_switches_between_which_an_arc_has_vanished_change_places():
+    # The first control lets go of the limit before the second one switches; it turns out to be the other way round.
+    arcs = Arc((HOLDING, UPPER), 1.0, (HELD,)), Arc((LOWER, UPPER), 0.0), Arc((LOWER, LOWER), 1.0)
+    assert swapped(arcs) == (arcs[0], Arc((HOLDING, LOWER), 0.0, (HELD,)), arcs[2])
+    assert swapped(swapped(arcs)) == arcs
+    entry = Arc((UPPER, UPPER), 1.0), Arc((HOLDING, UPPER), 0.0, (HELD,)), Arc((HOLDING, LOWER), 1.0, (HELD,))
+    assert swapped(entry) == (entry[0], Arc((UPPER, LOWER), 0.0), entry[2])
+
+
+def test_switches_of_one_control_and_arcs_of_some_length_do_not_change_places():
+    one = arcs_of((UPPER, 1.0), (LOWER, 0.0), (UPPER, 1.0))
+    assert swapped(one) == one
+    long = Arc((UPPER, UPPER), 1.0), Arc((LOWER, UPPER), 0.1), Arc((LOWER, LOWER), 1.0)
+    assert swapped(long) == long
 
 
 def test_nothing_wrong_changes_nothing():
