@@ -31,7 +31,7 @@ RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enoug
 REVISIONS = 16  # structures tried for one reading
 FAILURES = 2  # structures that lead nowhere, tried for one reading
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
-PATIENCE = 5.0, 0.5  # times the seconds of the given solve, plus so many; no further structure is tried after that
+PATIENCE = 5.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
 GAP = 1e-7  # share of the cost that wrong controls may leave
 EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
 WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
@@ -116,13 +116,14 @@ def polish(
                 return _polished(problem, limits, solution, tried, scheme, (iterations, seconds))
             found = tried.motion.answer.cost
             reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
-        if reading + 1 < READINGS and time.perf_counter() < until:
-            finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
-                          solution.values)  # fmt: skip
-            solves, iterations = solves + 1, iterations + finer.iterations
-            if not finer.ok:
-                break
-            coarse = finer
+        if reading + 1 == READINGS or time.perf_counter() > until:
+            break
+        finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
+                      solution.values)  # fmt: skip
+        solves, iterations = solves + 1, iterations + finer.iterations
+        if not finer.ok:
+            break
+        coarse = finer
     return _unpolished(solution, reason)
 
 
