@@ -17,6 +17,7 @@ from pathlib import Path
 import budget
 import numpy as np
 import picture
+import picture_structure
 from motion_table import at_points, finite, tabulate, write_csv
 from task import Task
 from task_file import of_document
@@ -96,6 +97,9 @@ def find_motion(scene: Scene, task: Task, options: argparse.Namespace, say: Call
             f"$t_f$ = {solution.duration:.5g} s{'' if not faults else '  - NOT VERIFIED'}"
         )
         picture.time_optimal(solution, machine, table[:, -n:], title, files["png"])
+        if isinstance(solution, Solution) and solution.structure is not None:
+            files["structure"] = options.output / "time_optimal_structure.png"
+            picture_structure.structure(solution, files["structure"])
     except OSError as error:
         print(f"time_optimal: cannot write to {options.output}: {error}", file=sys.stderr)
         return 1
