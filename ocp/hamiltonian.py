@@ -145,6 +145,17 @@ def _on_box(slope: Array, curvature: Array, u: Array, low: Array, high: Array) -
     return best
 
 
+def solved(matrices: Array, right: Array) -> Array:
+    """Return the solutions (K, n) of stacks of linear systems, of least size where one of them is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        usable = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(right), axis=1)
+        found = np.zeros_like(right)
+        found[usable] = np.einsum("kij,kj->ki", np.linalg.pinv(matrices[usable]), right[usable])
+        return found
+
+
 def _interior(
     model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, high: Array, lower: Array, upper: Array
 ) -> Array:
@@ -181,7 +192,7 @@ def _interior(
         dual, primal = slope.T / size[:, None] + np.einsum("kci,kc->ki", A, z), c + s
         K = H + np.einsum("kci,kc,kcj->kij", A, z / s, A) + 1e-14 * np.diag(1.0 / reach**2)
         right = -(dual + np.einsum("kci,kc->ki", A, (target + z * primal) / s - z))
-        step = np.linalg.solve(K, right[..., None])[..., 0]
+        step = solved(K, right)
         ds = -primal - np.einsum("kci,ki->kc", A, step)
         dz = (target - z * ds) / s - z
         alpha = np.minimum(_room(s, ds), _room(z, dz))[:, None]

@@ -30,7 +30,7 @@ from ocp import (
     uniform,
 )
 from ocp.continuation import multipliers
-from ocp.hamiltonian import minimise
+from ocp.hamiltonian import minimise, solved
 
 
 def test_calibration_on_a_few():
@@ -152,3 +152,9 @@ def test_multipliers_save_iterations_on_a_finer_grid(make):
     assert warm.ok
     assert warm.cost == pytest.approx(cold.cost, rel=1e-7)
     assert warm.iterations < cold.iterations
+
+
+def test_singular_steps_are_the_least_ones():
+    stack = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
+    found = solved(stack, np.array([[4.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
+    assert found == pytest.approx(np.array([[2.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
