@@ -45,7 +45,6 @@ class _Try:
     motion: ArcMotion | None
     certificate: Certificate | None
     reason: str
-    solves: int
     iterations: int
 
 
@@ -73,7 +72,7 @@ def polish(
     Returns:
         The polished solution with its `structure`; or the given one with structure None and the reason in its message:
         the polished one counts only if it is solved, confirms or improves the cost, and meets the sign conditions.
-        `timings` are those of polishing alone.
+        `timings` are those of polishing alone: derivatives and solver of its last solve, set-up for all before it.
 
     Raises:
         TypeError: no Solution, or a scheme whose control is not collocated.
@@ -104,11 +103,11 @@ def polish(
             name = limits[hold.contact.limit].label.name
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed = solution.cost + _doubt(problem, solution)
-    coarse, reason, solves, iterations = solution, "", 0, 0
+    coarse, reason, iterations = solution, "", 0
     until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
     for reading in range(READINGS):
         tried = _settle(problem, limits, coarse, scheme, settings, until)
-        solves, iterations = solves + tried.solves, iterations + tried.iterations
+        iterations += tried.iterations
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
@@ -120,7 +119,7 @@ def polish(
             break
         finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
                       solution.values)  # fmt: skip
-        solves, iterations = solves + 1, iterations + finer.iterations
+        iterations += finer.iterations
         if not finer.ok:
             break
         coarse = finer
@@ -156,7 +155,7 @@ def _settle(
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
-            return _Try(None, None, words, solves, iterations)
+            return _Try(None, None, words, iterations)
         parameters = _parameters(problem, coarse, motion)
         certificate = certify(problem, limits, motion, scheme, parameters)
         solution = _as_solution(problem, coarse, motion, scheme, parameters)
@@ -172,15 +171,15 @@ def _settle(
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
         if not sound and level >= 1:
-            return _Try(None, None, _what(problem, limits, certificate), solves, iterations)
+            return _Try(None, None, _what(problem, limits, certificate), iterations)
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(motion, certificate, "", solves, iterations)
-    return _Try(None, None, "the structure does not settle", solves, iterations)
+        return _Try(motion, certificate, "", iterations)
+    return _Try(None, None, "the structure does not settle", iterations)
 
 
 def _key(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
@@ -216,8 +215,7 @@ def _doubt(problem: Problem, solution: Solution) -> float:
     costates = solution.costates.reshape(len(x), -1)
     found = switching_functions(problem, x, u, costates, list(solution.values.values()))
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
-    reach = np.abs(found.shares) * np.max(np.abs(found.gains), axis=0, initial=0.0)
-    return float(weights @ np.minimum(found.gains, reach + found.gains).sum(axis=1)) + 1e-6 * abs(solution.cost)
+    return float(weights @ found.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
 
 
 def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> Grid:
@@ -264,6 +262,9 @@ def _polished(
     iterations, seconds = spent
     found = _as_solution(problem, given, motion, scheme, _parameters(problem, given, motion))
     words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
+    residual = float(np.max(found.error))
+    if residual > RESIDUAL:
+        words += f", local error of the dynamics {residual:.1e}"
     if motion.price > 0.0:
         words += f", singular arcs regularised at a price of {motion.price / abs(found.cost):.1e} of the cost"
     inside = motion.answer.derivatives

@@ -60,8 +60,7 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
             changed[jump.arc] = replace(arc, touched=tuple(c for c in arc.touched if c != jump.contact))
     for k, contact in certificate.released:
         arc = changed[k]
-        low_high = Kind.INTERIOR
-        kinds = tuple(low_high if i == contact.control else kind for i, kind in enumerate(arc.kinds))
+        kinds = tuple(Kind.INTERIOR if i == contact.control else kind for i, kind in enumerate(arc.kinds))
         touch = Contact(contact.limit, contact.side)
         changed[k] = replace(
             arc, kinds=kinds, held=tuple(c for c in arc.held if c != contact), touched=(*arc.touched, touch)
