@@ -20,6 +20,7 @@ from ocp.solution import Accuracy, Multipliers, Solution, Status, Timings
 from ocp.solver import Prepared, prepare, solve
 from ocp.storage import load, save
 from ocp.structure import Structure
+from ocp.succession import PreparedStructure, prepare_structure
 from ocp.system import Label, System
 from ocp.tasks import point_to_point
 from ocp.tolerance import Cost, Seconds, Share, Signal, Tolerance
@@ -28,9 +29,10 @@ from ocp.verification import Report, verify
 __all__ = [
     "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors", "Fixed",
     "Free", "Grid", "Guess", "HalfSpace", "Ipopt", "Label", "Multipliers", "Optimum", "ParameterPath", "Prepared",
-    "Problem", "Report", "Scheme", "Seconds", "Sequence", "SequenceSolution", "Share", "Signal", "Smooth", "Solution",
-    "Status", "StraightLine", "Structure", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "along",
-    "end", "estimate", "extend", "given", "inside", "integrators", "legendre", "load", "lobatto", "multistart",
-    "outside", "periodic", "point_to_point", "polish", "prepare", "radau", "save", "simulate", "smooth", "solve",
-    "solve_to_accuracy", "start", "straight_line", "time_derivative", "uniform", "verify",
+    "PreparedStructure", "Problem", "Report", "Scheme", "Seconds", "Sequence", "SequenceSolution", "Share", "Signal",
+    "Smooth", "Solution", "Status", "StraightLine", "Structure", "System", "Timings", "Tolerance", "Trajectory",
+    "WiderLimits", "along", "end", "estimate", "extend", "given", "inside", "integrators", "legendre", "load",
+    "lobatto", "multistart", "outside", "periodic", "point_to_point", "polish", "prepare", "prepare_structure",
+    "radau", "save", "simulate", "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "time_derivative",
+    "uniform", "verify",
 ]  # fmt: skip
