@@ -12,6 +12,7 @@ import numpy as np
 from ocp.arcs import ArcMotion, ArcProblem
 from ocp.constraint import Where
 from ocp.division import Condition, Division, Near
+from ocp.equations import Equations, as_equations
 from ocp.grid import Grid
 from ocp.guess import Guess, ends
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
@@ -40,6 +41,8 @@ class ArcProgramme:
         ties: conditions of held and touched limits.
         solver: of the programme.
         setup: seconds.
+        limited: whether limits that the structure does not meet are part of the programme.
+        equations: that it is then, if there are as many as unknowns.
     """
 
     task: ArcProblem
@@ -50,6 +53,8 @@ class ArcProgramme:
     ties: tuple[Tie, ...]
     solver: Solver
     setup: float
+    limited: bool = True
+    equations: Equations | None = None
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProgramme:
         """Return this programme for other parameter values and a problem that differs in numbers only."""
@@ -73,25 +78,30 @@ class ArcProgramme:
         z0[layout.free] = np.array(list(solution.free.values())) / scaling.free
         return z0
 
-    def solve(self, z0: Array, limited: bool = True) -> ArcMotion:
-        """Solve from given unknowns (nz,).
+    def unlimited(self) -> ArcProgramme:
+        """Return it without the limits that the structure does not meet, and without durations >= 0.
 
-        Args:
-            z0: to start from.
-            limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
-                Without them it is little more than a set of equations, and near its answer takes few Newton steps.
+        What is left are equations, often as many as unknowns; near their solution they take few Newton steps.
+        """
+        bare = replace(self, limited=False)
+        return replace(bare, equations=as_equations(self.programme, bare._bounds()))
+
+    def solve(self, z0: Array) -> ArcMotion:
+        """Solve from given unknowns (nz,).
 
         Source: index reduction on state-limited arcs: D. H. Jacobson, M. M. Lele, J. L. Speyer, New necessary
             conditions of optimality for control problems with state-variable inequality constraints, J. Math. Anal.
             Appl. 35, 1971.
         """
         begun = time.perf_counter()
-        sides = self._bounds(limited)
+        sides = self._bounds()
         low, high, rows_low, rows_high = sides
         if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
             # Fewer unknowns than conditions, and no symmetry that could make some of them follow from others.
             nothing, words = np.zeros(len(rows_low)), "fewer unknowns than conditions"
             answer = Answer(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, words, 0, 0.0, 0.0, {})
+        elif self.equations is not None:
+            answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
             answer = run(self.solver, np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
@@ -125,9 +135,9 @@ class ArcProgramme:
             price,
         )  # fmt: skip
 
-    def _bounds(self, limited: bool) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self) -> tuple[Array, Array, Array, Array]:
         """Return the bounds with controls pinned, and without the limits that conditions hold already, or any."""
-        programme, problem, limits = self.programme, self.task.problem, self.task.limits
+        programme, problem, limits, limited = self.programme, self.task.problem, self.task.limits, self.limited
         low, high, rows_low, rows_high = bounds(programme)
         layout = programme.layout
         lower, upper = (side / programme.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))

@@ -34,6 +34,7 @@ SETTINGS = Ipopt(
         "bound_frac": 1e-9,
         "constr_mult_init_max": 1e8,
         "acceptable_iter": 0,
+        "mumps_permuting_scaling": 0,
     },
 )
 
@@ -89,7 +90,7 @@ class PreparedStructure:
         if reason or self.programme is None:
             return _refused(replace(guess, problem=new), reason)
         programme = self.programme.adapted(new, numbers)
-        motion = programme.solve(programme.restart(guess), limited=False)
+        motion = programme.solve(programme.restart(guess))
         found = replace(motion.solution(programme.task, self.origin), rung="structure carried over")
         found = replace(found, iterations=motion.answer.iterations, message=motion.answer.status.value)
         if not found.ok:
@@ -158,7 +159,7 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
     programme = None
     if not reason:
         settings = SETTINGS if solver is None else solver
-        programme = prepare_arcs(task, arcs, _elements(polished), from_solution(polished), settings)
+        programme = prepare_arcs(task, arcs, _elements(polished), from_solution(polished), settings).unlimited()
     return PreparedStructure(polished, programme, reason, time.perf_counter() - begun)
 
 
