@@ -39,10 +39,10 @@ class ArcProgramme:
         programme: with one duration for each arc.
         division: into arcs.
         ties: conditions of held and touched limits.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
         solver: of the programme.
+        equations: that the programme is, if there are as many as unknowns; they need no solver.
         setup: seconds.
-        limited: whether limits that the structure does not meet are part of the programme.
-        equations: that it is then, if there are as many as unknowns.
     """
 
     task: ArcProblem
@@ -51,19 +51,18 @@ class ArcProgramme:
     programme: Programme
     division: Division
     ties: tuple[Tie, ...]
-    solver: Solver
+    limited: bool
+    solver: Solver | None
+    equations: Equations | None
     setup: float
-    limited: bool = True
-    equations: Equations | None = None
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProgramme:
         """Return this programme for other parameter values and a problem that differs in numbers only."""
         programme = replace(self.programme, problem=_freed(problem))
         return replace(self, task=self.task.adapted(problem, numbers), programme=programme)
 
-    def start(self, guess: Guess) -> Array:
-        """Return the unknowns (nz,) of a guess, with the durations of the arcs that the structure was given with."""
-        durations = np.array([arc.duration for arc in self.arcs])
+    def start(self, guess: Guess, durations: Array) -> Array:
+        """Return the unknowns (nz,) of a guess of the motion and of the durations (A,) of its arcs [s]."""
         grid = _grid(durations, self.division.arc, self._widths)
         z0 = pack(replace(self.programme, grid=grid), guess, list(self.task.numbers))
         z0[self.programme.layout.horizon] = durations / self.programme.scaling.horizon
@@ -77,14 +76,6 @@ class ArcProgramme:
         z0[layout.horizon] = np.array([arc.duration for arc in solution.structure.arcs]) / scaling.horizon
         z0[layout.free] = np.array(list(solution.free.values())) / scaling.free
         return z0
-
-    def unlimited(self) -> ArcProgramme:
-        """Return it without the limits that the structure does not meet, and without durations >= 0.
-
-        What is left are equations, often as many as unknowns; near their solution they take few Newton steps.
-        """
-        bare = replace(self, limited=False)
-        return replace(bare, equations=as_equations(self.programme, bare._bounds()))
 
     def solve(self, z0: Array) -> ArcMotion:
         """Solve from given unknowns (nz,).
@@ -103,6 +94,7 @@ class ArcProgramme:
         elif self.equations is not None:
             answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
+            assert self.solver is not None
             answer = run(self.solver, np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
 
@@ -177,7 +169,7 @@ class ArcProgramme:
 
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
-    weight: float = 0.0,
+    weight: float = 0.0, limited: bool = True,
 ) -> ArcProgramme:  # fmt: skip
     """Transcribe a problem for a given structure and build its solver.
 
@@ -188,18 +180,22 @@ def prepare_arcs(
         guess: of the motion; sets the scaling.
         settings: of IPOPT.
         weight: [cost/s] of the distance of undetermined controls from those of the guess.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme. Without
+            them it often has as many equations as unknowns, which take few Newton steps near their solution.
     """
     begun = time.perf_counter()
     arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    ties = _ties(task, arcs, arc)
+    ties = _ties(task, arcs, arc, scaling.horizon)
     near = _near(task, arcs, arc, guess, grid, weight)
     division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
     programme = transcribe(freed, task.scheme, grid, scaling, division)
-    solver = build(programme.nlp, programme.derivatives, settings, warm=False)
-    return ArcProgramme(task, arcs, elements, programme, division, ties, solver, time.perf_counter() - begun)
+    bare = ArcProgramme(task, arcs, elements, programme, division, ties, limited, None, None, 0.0)
+    equations = None if limited else as_equations(programme, bare._bounds())
+    solver = None if equations else build(programme.nlp, programme.derivatives, settings, warm=False)
+    return replace(bare, solver=solver, equations=equations, setup=time.perf_counter() - begun)
 
 
 def _freed(problem: Problem) -> Problem:
@@ -256,18 +252,17 @@ def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
     return Grid(share)
 
 
-def _ties(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array) -> tuple[Tie, ...]:
+def _ties(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: float) -> tuple[Tie, ...]:
     """Return the conditions of held and touched limits."""
     system = task.problem.system
     _, _, (start_known, _) = ends(task.problem, ca.DM(list(task.numbers)))
-    total = sum(a.duration for a in arcs)
     ties: list[Tie] = []
 
     def tie(k: int, contact: Contact, orders: range, along: bool) -> Tie:
         limit, own = task.limits[contact.limit], np.flatnonzero(arc == k)
         gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
         function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
-        size = limit.range / total ** np.array(orders)
+        size = limit.range / seconds ** np.array(orders)
         expression = ca.vertcat(*(limit.chain[order] for order in orders))
         places = (own, tuple(task.scheme.points)) if along else (own[:1], (0.0,))
         return Tie(Condition(expression, size, *places), k, contact, along, function)
