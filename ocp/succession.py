@@ -26,7 +26,7 @@ SHORTEST = 1e-6  # share of the duration that an arc begins with where two switc
 KEPT = 16  # programmes
 # Near the answer from the start: limits that are not met hardly count, multipliers are estimated by least squares.
 SETTINGS = Ipopt(
-    tol=1e-10,
+    tol=1e-12,
     max_iter=25,
     progress=False,
     extra={
