@@ -273,7 +273,9 @@ def _same_structure(old: Problem, new: Problem) -> Problem:
     same = (
         new.system is old.system
         and type(new.horizon) is type(old.horizon)
-        and new.minimise is old.minimise
+        and new.minimise.time == old.minimise.time
+        and ca.is_equal(new.minimise.running, old.minimise.running, 10)
+        and ca.is_equal(new.minimise.final, old.minimise.final, 10)
         and len(new.subject_to) == len(old.subject_to)
         and all(
             a.where is b.where

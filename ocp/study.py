@@ -17,7 +17,7 @@ from ocp.grid import Grid
 from ocp.identity import canonical, digest, versions
 from ocp.ipopt import Ipopt
 from ocp.lineage import parents
-from ocp.measures import measures
+from ocp.measurement import measures
 from ocp.outcome import check
 from ocp.problem import Problem
 from ocp.schedule import Progress, carry_out
