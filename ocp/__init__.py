@@ -25,6 +25,7 @@ from ocp.store import Store, StoreError
 from ocp.structure import Structure
 from ocp.study import Study
 from ocp.study_table import StudyTable
+from ocp.succession import PreparedStructure, prepare_structure
 from ocp.system import Label, System
 from ocp.tasks import point_to_point
 from ocp.tolerance import Cost, Seconds, Share, Signal, Tolerance
@@ -33,11 +34,11 @@ from ocp.verification import Report, verify
 __all__ = [
     "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
     "Fixed", "Free", "Grid", "Guess", "HalfSpace", "Ipopt", "Label", "LatinHypercube", "Listed", "Multipliers",
-    "Optimum", "Outcome", "ParameterPath", "Prepared", "Problem", "Product", "Random", "Report", "Scheme",
-    "Seconds", "Sequence", "SequenceSolution", "Share", "Signal", "Smooth", "Sobol", "Solution", "Status", "Store",
-    "StoreError", "StraightLine", "Structure", "Study", "StudyTable", "System", "Timings", "Tolerance",
-    "Trajectory", "WiderLimits", "Zip", "along", "end", "estimate", "extend", "given", "inside", "integrators",
-    "legendre", "load", "lobatto", "multistart", "outside", "periodic", "point_to_point", "polish", "prepare",
-    "radau", "save", "simulate", "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "sweep",
-    "time_derivative", "uniform", "verify",
+    "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product", "Random",
+    "Report", "Scheme", "Seconds", "Sequence", "SequenceSolution", "Share", "Signal", "Smooth", "Sobol", "Solution",
+    "Status", "Store", "StoreError", "StraightLine", "Structure", "Study", "StudyTable", "System", "Timings",
+    "Tolerance", "Trajectory", "WiderLimits", "Zip", "along", "end", "estimate", "extend", "given", "inside",
+    "integrators", "legendre", "load", "lobatto", "multistart", "outside", "periodic", "point_to_point", "polish",
+    "prepare", "prepare_structure", "radau", "save", "simulate", "smooth", "solve", "solve_to_accuracy", "start",
+    "straight_line", "sweep", "time_derivative", "uniform", "verify",
 ]  # fmt: skip

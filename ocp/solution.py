@@ -14,6 +14,7 @@ from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.structure import Structure
+from ocp.system import rates
 
 if TYPE_CHECKING:
     from ocp.error import Errors
@@ -212,7 +213,7 @@ class Solution:
         tau = (edges[:-1, None] + np.diff(edges)[:, None] * (nodes + 1.0) / 2.0).ravel()
         shares = (np.diff(edges)[:, None] * weights / 2.0).ravel()
         t, x, rate, u = self.samples(tau)
-        function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
+        function = rates(system).map(len(t))
         p = np.array([self.values[name] for name in system.nominal])[:, None]
         missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
         each = missed.reshape(len(self.grid), len(tau), -1)

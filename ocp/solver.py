@@ -19,7 +19,7 @@ from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
-from ocp.problem import Fixed, Problem
+from ocp.problem import Bolza, Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
@@ -95,7 +95,7 @@ class Prepared:
         programmes = self.compound.programmes
         if problem is not None:
             pairs = zip(phases_of(self.problem), phases_of(problem), strict=True)
-            same = [_same_structure(old, new) for old, new in pairs]
+            same = [same_structure(old, new) for old, new in pairs]
             programmes = tuple(replace(p, problem=new) for p, new in zip(programmes, same, strict=True))
         if grid is not None:
             for programme in programmes:
@@ -268,14 +268,12 @@ def _fresh(guess: Any) -> bool:
     return all(isinstance(part, Guess) for part in parts)
 
 
-def _same_structure(old: Problem, new: Problem) -> Problem:
+def same_structure(old: Problem, new: Problem) -> Problem:
     """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
     same = (
         new.system is old.system
         and type(new.horizon) is type(old.horizon)
-        and new.minimise.time == old.minimise.time
-        and ca.is_equal(new.minimise.running, old.minimise.running, 10)
-        and ca.is_equal(new.minimise.final, old.minimise.final, 10)
+        and _same_cost(new.minimise, old.minimise)
         and len(new.subject_to) == len(old.subject_to)
         and all(
             a.where is b.where
@@ -289,3 +287,8 @@ def _same_structure(old: Problem, new: Problem) -> Problem:
             "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
         )
     return new
+
+
+def _same_cost(one: Bolza, other: Bolza) -> bool:
+    alike = ((one.running, other.running), (one.final, other.final))
+    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))

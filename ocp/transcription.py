@@ -58,7 +58,7 @@ def transcribe(
     for near in division.near:
         reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
         blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
-    if division.total is not None:
+    if division.total:
         blocks.append((_total(layout, scaling), []))
     nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
     rows = np.arange(n * element.rows).reshape(n, -1)
@@ -71,7 +71,7 @@ def transcribe(
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
-        chosen, counts[-1] + np.arange(int(division.total is not None)),
+        chosen, counts[-1] + np.arange(int(division.total)),
     )  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def _chosen(
     system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
     inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
     x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
-    values = ca.densify(inside(*symbols.physical(x, u)) - condition.value) / condition.size
+    values = ca.densify(inside(*symbols.physical(x, u))) / condition.size
     count, shared = values.numel(), symbols.shared.numel()
     terms = []
     for j, t in enumerate(condition.tau):
