@@ -27,6 +27,7 @@ from ocp.solution import Solution
 from ocp.solver import Prepared, prepare
 from ocp.storage import decode, encode
 from ocp.store import Record
+from ocp.succession import PreparedStructure, prepare_structure
 
 FIRST_LADDER = (Smooth(), StraightLine())  # of a case that is solved for the first time
 BETTER = 1e-6  # share of the cost by which a cold start counts as better
@@ -241,7 +242,7 @@ class _Here:
     def __init__(self, work: Work) -> None:
         self.work, self.function = work, work.function
         self._prepared: Prepared | None = None
-        self._structures: OrderedDict[str, Any] = OrderedDict()
+        self._structures: OrderedDict[str, PreparedStructure] = OrderedDict()
 
     def prepared_for(self, problem: Problem | Sequence, values: dict[str, float]) -> Prepared:
         """Return the programme of the study for the numbers of a case, or one of its own if its structure differs."""
@@ -254,9 +255,16 @@ class _Here:
         except ValueError:
             return prepare(problem, work.scheme, work.grid, work.solver, values=values)
 
-    def structure(self, origin: Known) -> Any:
-        """Return the programme of the structure of a case."""
-        raise NotImplementedError
+    def structure(self, origin: Known) -> PreparedStructure:
+        """Return the programme of the structure of a case, prepared once."""
+        if origin.id not in self._structures:
+            problem, _ = stated(self.function, origin.case)
+            solution = decode(origin.content, problem, origin.id)
+            self._structures[origin.id] = prepare_structure(solution)
+            while len(self._structures) > KEPT:
+                self._structures.popitem(last=False)
+        self._structures.move_to_end(origin.id)
+        return self._structures[origin.id]
 
 
 def _numbers(values: Case) -> dict[str, float]:
