@@ -93,13 +93,12 @@ class Store:
         with self._plainly("cannot be opened"):
             if not fresh:
                 self._examine()
-            mode = "rwc" if write else "ro"
-            self._connection = sqlite3.connect(
-                f"{self.path.absolute().as_uri()}?mode={mode}", uri=True, timeout=PATIENCE, isolation_level=None
-            )
+            self._connection = self._connect("rwc" if write else "rw")
         try:
             if write:
                 self._set_up()
+            else:
+                self._read_only()
         except BaseException:
             self._connection.close()
             raise
@@ -223,6 +222,22 @@ class Store:
             raise StoreError(f"{self.path}: is an SQLite file of another program; it was left untouched")
         if schema > SCHEMA:
             raise StoreError(f"{self.path}: has schema version {schema}, expected up to {SCHEMA}; update the program")
+
+    def _connect(self, mode: str) -> sqlite3.Connection:
+        address = f"{self.path.absolute().as_uri()}?mode={mode}"
+        return sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
+
+    def _read_only(self) -> None:
+        """Read without the right to write; on a medium that cannot be written to as well."""
+        try:
+            # A connection that may write removes its log when it closes.
+            self._connection.execute("pragma query_only = on")
+            self._connection.execute("select count(*) from studies")
+        except sqlite3.OperationalError:
+            self._connection.close()
+            with self._plainly("cannot be read"):
+                self._connection = self._connect("ro&immutable=1")
+                self._connection.execute("select count(*) from studies")
 
     def _set_up(self) -> None:
         with self._plainly("cannot be used"):

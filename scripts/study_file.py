@@ -6,7 +6,7 @@ import functools
 import inspect
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from task_file import read_task
 
 from models import Scene, catalogue
 from models.document import SceneError, Table, describe, read_document
+from models.parameters import unit_of
 from models.scene_file import KEYS, read_scene
 from models.terms import snake
 from ocp import LatinHypercube, Problem, Product, Random, Sequence, Sobol, Study, Zip, radau, uniform
@@ -137,6 +138,26 @@ def spelled(document: Table, name: str, table: Table) -> str:
         return f"parameters.{name}"
     raise table.error("over", f"{name!r} is no key of this scene; write parameters.NAME, EFFECT.FIELD, limits.SIGNAL, "
                       "task.KEY, with a component behind it (limits.tau.2), or limits.tau.factor")  # fmt: skip
+
+
+def units(study: Study) -> dict[str, str]:
+    """Return the units of the columns of a study of a scene, by name."""
+    problem = study.function
+    assert isinstance(problem, SceneProblem)
+    case = study.cases[0]
+    system = problem.at({name: case[name] for name in problem.others})[0].system
+    found = {"duration": "s", "work": "J", "net": "J", "peak power": "W"}
+    for signal in ("tau", "v"):
+        for label in system.label(signal, system[signal].numel()):
+            found |= {f"{kind} {label.name}": label.unit for kind in ("peak", "rms")}
+    for name, key in problem.keys:
+        head, *rest = key.split(".")
+        if head == "parameters":
+            found[name] = unit_of(rest[0])
+        elif head == "effects":
+            metadata = {field.name: field.metadata for field in fields(catalogue.effects()[rest[0]])}
+            found[name] = metadata[rest[1].removesuffix("_deg")].get("unit", "") if len(rest) == 2 else ""
+    return found
 
 
 def changed(document: Table, changes: Mapping[str, Any]) -> Table:
