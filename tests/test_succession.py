@@ -8,6 +8,7 @@ from functools import cache
 from math import sqrt
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import problems
 import pytest
@@ -16,11 +17,15 @@ from models import Parameter, spherical, torus
 from models.effects import Gravity, Payload
 from models.forms import canonical
 from ocp import (
+    Bolza,
+    Control,
     Fixed,
     Free,
     Ipopt,
     Problem,
     Status,
+    along,
+    legendre,
     load,
     point_to_point,
     polish,
@@ -28,12 +33,16 @@ from ocp import (
     prepare_structure,
     save,
     solve,
+    start,
+    straight_line,
     uniform,
     verify,
 )
+from ocp.arcprogramme import prepare_arcs
+from ocp.arcs import arc_problem
 from ocp.constraint import Where, simple
 from ocp.polishing import SETTINGS
-from ocp.structure import Kind
+from ocp.structure import Arc, Kind, durations
 
 sys.path.append(str(Path(__file__).parents[1] / "scripts"))
 from time_optimal import TASKS
@@ -170,7 +179,6 @@ def test_polish_keeps_the_limits_of_a_free_duration(side):
 
 def test_few_newton_steps():
     carry = carried("spherical")
-    assert all(programme.equations is not None for programme in list(carry.programmes.values())[:1])
     assert carry({"m_3": 14.9}).iterations <= 4
     assert carry({"m_3": 14.25}).iterations <= 5
     again = carry(guess=carry({"m_3": 14.9}), values={"m_3": 14.9})
@@ -210,7 +218,7 @@ def test_sweep_across_changes_of_structure_accepts_nothing_wrong(chained):
         reference = polish(coarse, solver=EXACT)
         if reference.structure is not None:
             compared += 1
-            assert_same(found, reference)
+            assert_same(found, reference, 1e-8)  # a revised structure may have other elements
     assert accepted >= 15
     assert compared >= 15
     assert len(structures) >= 3
@@ -288,6 +296,25 @@ def test_wrong_arguments():
         carry({"m_4": 1.0})
     with pytest.raises(ValueError, match="in more than limits"):
         carry(problem=problems.lift_fastest().problem)
+
+
+def test_maximum_on_the_way_is_no_minimum():
+    # One unknown more than equations: the motion through a given middle, whose cost the sign of eps turns round.
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    axis = problems.system(x, u, u)
+    for sign, solved in ((1.0, True), (-1.0, False)):
+        problem = Problem(axis, Fixed(1.0), Bolza(final=sign * (x - 0.3) ** 2), (start(x, 0), along(u, -1, 1)))
+        arcs = Arc((Kind.LOWER,), 0.4), Arc((Kind.UPPER,), 0.6)
+        task = arc_problem(problem, legendre(3, Control.COLLOCATED), {})
+        guess = straight_line(problem, [])
+        programme = prepare_arcs(task, arcs, (1, 1), guess, SETTINGS, limited=False)
+        assert programme.equations is not None
+        motion = programme.solve(programme.start(guess, durations(arcs)))
+        assert (motion.answer.status is Status.SOLVED) is solved, motion.answer.verbatim
+        if solved:
+            assert [arc.duration for arc in motion.arcs] == pytest.approx([0.35, 0.65], abs=1e-12)
+        else:
+            assert "no minimum" in motion.answer.verbatim
 
 
 def test_timings_are_those_of_the_call():
