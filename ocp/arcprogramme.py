@@ -195,7 +195,7 @@ def prepare_arcs(
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    ties = _ties(task, arcs, arc, scaling.horizon)
+    ties = _ties(task, arcs, arc, guess.duration)
     near = _near(task, arcs, arc, guess, grid, weight)
     division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
     programme = transcribe(freed, task.scheme, grid, scaling, division)
