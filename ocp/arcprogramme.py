@@ -12,6 +12,7 @@ import numpy as np
 from ocp.arcs import ArcMotion, ArcProblem
 from ocp.constraint import Where
 from ocp.division import Condition, Division, Near
+from ocp.equations import Equations, as_equations
 from ocp.grid import Grid
 from ocp.guess import Guess, ends
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
@@ -38,7 +39,9 @@ class ArcProgramme:
         programme: with one duration for each arc.
         division: into arcs.
         ties: conditions of held and touched limits.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
         solver: of the programme.
+        equations: that the programme is, if there are as many as unknowns; they need no solver.
         setup: seconds.
     """
 
@@ -48,7 +51,9 @@ class ArcProgramme:
     programme: Programme
     division: Division
     ties: tuple[Tie, ...]
-    solver: Solver
+    limited: bool
+    solver: Solver | None
+    equations: Equations | None
     setup: float
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProgramme:
@@ -56,9 +61,8 @@ class ArcProgramme:
         programme = replace(self.programme, problem=_freed(problem))
         return replace(self, task=self.task.adapted(problem, numbers), programme=programme)
 
-    def start(self, guess: Guess) -> Array:
-        """Return the unknowns (nz,) of a guess, with the durations of the arcs that the structure was given with."""
-        durations = np.array([arc.duration for arc in self.arcs])
+    def start(self, guess: Guess, durations: Array) -> Array:
+        """Return the unknowns (nz,) of a guess of the motion and of the durations (A,) of its arcs [s]."""
         grid = _grid(durations, self.division.arc, self._widths)
         z0 = pack(replace(self.programme, grid=grid), guess, list(self.task.numbers))
         z0[self.programme.layout.horizon] = durations / self.programme.scaling.horizon
@@ -73,26 +77,24 @@ class ArcProgramme:
         z0[layout.free] = np.array(list(solution.free.values())) / scaling.free
         return z0
 
-    def solve(self, z0: Array, limited: bool = True) -> ArcMotion:
+    def solve(self, z0: Array) -> ArcMotion:
         """Solve from given unknowns (nz,).
-
-        Args:
-            z0: to start from.
-            limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
-                Without them it is little more than a set of equations, and near its answer takes few Newton steps.
 
         Source: index reduction on state-limited arcs: D. H. Jacobson, M. M. Lele, J. L. Speyer, New necessary
             conditions of optimality for control problems with state-variable inequality constraints, J. Math. Anal.
             Appl. 35, 1971.
         """
         begun = time.perf_counter()
-        sides = self._bounds(limited)
+        sides = self._bounds()
         low, high, rows_low, rows_high = sides
         if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
             # Fewer unknowns than conditions, and no symmetry that could make some of them follow from others.
             nothing, words = np.zeros(len(rows_low)), "fewer unknowns than conditions"
             answer = Answer(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, words, 0, 0.0, 0.0, {})
+        elif self.equations is not None:
+            answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
+            assert self.solver is not None
             answer = run(self.solver, np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
 
@@ -125,9 +127,9 @@ class ArcProgramme:
             price,
         )  # fmt: skip
 
-    def _bounds(self, limited: bool) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self) -> tuple[Array, Array, Array, Array]:
         """Return the bounds with controls pinned, and without the limits that conditions hold already, or any."""
-        programme, problem, limits = self.programme, self.task.problem, self.task.limits
+        programme, problem, limits, limited = self.programme, self.task.problem, self.task.limits, self.limited
         low, high, rows_low, rows_high = bounds(programme)
         layout = programme.layout
         lower, upper = (side / programme.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
@@ -167,7 +169,7 @@ class ArcProgramme:
 
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
-    weight: float = 0.0,
+    weight: float = 0.0, limited: bool = True,
 ) -> ArcProgramme:  # fmt: skip
     """Transcribe a problem for a given structure and build its solver.
 
@@ -178,18 +180,22 @@ def prepare_arcs(
         guess: of the motion; sets the scaling.
         settings: of IPOPT.
         weight: [cost/s] of the distance of undetermined controls from those of the guess.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme. Without
+            them it often has as many equations as unknowns, which take few Newton steps near their solution.
     """
     begun = time.perf_counter()
     arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    ties = _ties(task, arcs, arc)
+    ties = _ties(task, arcs, arc, scaling.horizon)
     near = _near(task, arcs, arc, guess, grid, weight)
     division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
     programme = transcribe(freed, task.scheme, grid, scaling, division)
-    solver = build(programme.nlp, programme.derivatives, settings, warm=False)
-    return ArcProgramme(task, arcs, elements, programme, division, ties, solver, time.perf_counter() - begun)
+    bare = ArcProgramme(task, arcs, elements, programme, division, ties, limited, None, None, 0.0)
+    equations = None if limited else as_equations(programme, bare._bounds())
+    solver = None if equations else build(programme.nlp, programme.derivatives, settings, warm=False)
+    return replace(bare, solver=solver, equations=equations, setup=time.perf_counter() - begun)
 
 
 def _freed(problem: Problem) -> Problem:
@@ -246,18 +252,17 @@ def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
     return Grid(share)
 
 
-def _ties(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array) -> tuple[Tie, ...]:
+def _ties(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: float) -> tuple[Tie, ...]:
     """Return the conditions of held and touched limits."""
     system = task.problem.system
     _, _, (start_known, _) = ends(task.problem, ca.DM(list(task.numbers)))
-    total = sum(a.duration for a in arcs)
     ties: list[Tie] = []
 
     def tie(k: int, contact: Contact, orders: range, along: bool) -> Tie:
         limit, own = task.limits[contact.limit], np.flatnonzero(arc == k)
         gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
         function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
-        size = limit.range / total ** np.array(orders)
+        size = limit.range / seconds ** np.array(orders)
         expression = ca.vertcat(*(limit.chain[order] for order in orders))
         places = (own, tuple(task.scheme.points)) if along else (own[:1], (0.0,))
         return Tie(Condition(expression, size, *places), k, contact, along, function)

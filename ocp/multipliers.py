@@ -73,6 +73,7 @@ def adjoin_directly(
     entering: dict[tuple[int, Contact], float] = {}
     leaving: dict[tuple[int, Contact], float] = {}
     edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
+    slopes = slope_matrix(scheme.points, scheme.points).T
     for tie, rows in zip(ties, programme.conditions, strict=True):
         limit, own = limits[tie.contact.limit], tie.condition.elements
         if not tie.along:
@@ -81,7 +82,7 @@ def adjoin_directly(
         raw = answer.multipliers[rows[:, :, 0]]
         rates = [raw / tie.condition.size[0] / (scheme.weights * h)]
         for _ in range(limit.order):
-            rates.append(rates[-1] @ slope_matrix(scheme.points, scheme.points).T / h)
+            rates.append(rates[-1] @ slopes / h)
         if limit.order:
             x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
             found = tie.gradients.map(len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])

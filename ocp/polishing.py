@@ -21,12 +21,11 @@ from ocp.revision import revise, swapped, without_shortest_hold, without_vanishe
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
 from ocp.statelimit import StateLimit
-from ocp.structure import Arc, tabulate
+from ocp.structure import durations, elements_of, key_of, tabulate
 from ocp.switching import switching_functions
 
 Array = np.ndarray
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
-PER_MOTION = 16  # elements of the whole motion at first, at least one for each arc
 DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
@@ -137,18 +136,18 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
     seen: set[tuple[object, ...]] = set()
     solves = iterations = level = steps = failures = 0
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
-        elements = _elements(arcs, level)
+        elements = elements_of(arcs, level)
         loose = task.loose(arcs)
         weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
         begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
         programme = prepare_arcs(task, arcs, elements, guess, begin, weight)
-        motion = programme.solve(programme.start(guess))
+        motion = programme.solve(programme.start(guess, durations(arcs)))
         solves, iterations = solves + 1, iterations + motion.answer.iterations
-        seen.add(_key(arcs))
+        seen.add(key_of(arcs))
         if motion.answer.status is not Status.SOLVED:
             failures += 1
             others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
-            other = next((o for o in others if _key(o) not in seen), None)
+            other = next((o for o in others if key_of(o) not in seen), None)
             if other is not None and failures <= FAILURES:
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
@@ -157,7 +156,7 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
         certificate = certify(task, motion)
         solution, sound = motion.solution(task, coarse), certificate.sound
         revised = revise(motion, certificate, task.limits)
-        if (not sound or len(revised) < len(motion.arcs)) and _key(revised) not in seen:
+        if (not sound or len(revised) < len(motion.arcs)) and key_of(revised) not in seen:
             arcs, guess, steps = revised, from_solution(solution), 0
             continue
         regularised = motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL
@@ -175,15 +174,6 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
             continue
         return _Try(motion, certificate, "", iterations)
     return _Try(None, None, "the structure does not settle", iterations)
-
-
-def _key(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
-    return tuple((arc.kinds, arc.held, arc.touched) for arc in arcs)
-
-
-def _elements(arcs: tuple[Arc, ...], level: int) -> tuple[int, ...]:
-    total = sum(arc.duration for arc in arcs)
-    return tuple(max(1, int(np.ceil(PER_MOTION * arc.duration / total))) * 2**level for arc in arcs)
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -233,9 +234,10 @@ class Solution:
         """
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
-        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
-        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
-        u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
+        states, slopes, controls = _matrices(self.scheme, np.asarray(tau, dtype=float).tobytes())
+        x = np.einsum("sm,kma->ksa", states, self.data)
+        rate = np.einsum("sm,kma->ksa", slopes, self.data / widths[:, None, None])
+        u = np.einsum("sm,kma->ksa", controls, self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
     def locate(self, t: Array) -> tuple[Array, Array]:
@@ -256,3 +258,10 @@ class Solution:
         element, tau = self.locate(times)
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
+
+
+@functools.lru_cache(maxsize=32)
+def _matrices(scheme: Scheme, places: bytes) -> tuple[Array, Array, Array]:
+    """Return the matrices to states, slopes and controls at places on an element; the same few, asked for often."""
+    tau = np.frombuffer(places)
+    return scheme.state_at(tau), scheme.slope_at(tau), scheme.control_at(tau)

@@ -11,21 +11,22 @@ import numpy as np
 from ocp.arcprogramme import ArcProgramme, prepare_arcs
 from ocp.arcs import ArcMotion, ArcProblem, arc_problem
 from ocp.certificate import EXCESS, certify, complaint
-from ocp.collocation import Control
 from ocp.constraint import Where
 from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.polishing import RESIDUAL
 from ocp.problem import Fixed, Problem
-from ocp.revision import without_vanished
+from ocp.revision import revise, swapped, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import same_structure
-from ocp.structure import Arc, tabulate
+from ocp.structure import Arc, durations, elements_of, key_of, tabulate
 
-Array = np.ndarray
+REVISIONS = 3  # of a structure that turns out wrong
+SHORTEST = 1e-6  # share of the duration that an arc begins with where two switches change places
+KEPT = 16  # programmes
 # Near the answer from the start: limits that are not met hardly count, multipliers are estimated by least squares.
 SETTINGS = Ipopt(
-    tol=1e-10,
+    tol=1e-12,
     max_iter=25,
     progress=False,
     extra={
@@ -34,24 +35,27 @@ SETTINGS = Ipopt(
         "bound_frac": 1e-9,
         "constr_mult_init_max": 1e8,
         "acceptable_iter": 0,
+        "mumps_permuting_scaling": 0,
     },
 )
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedStructure:
-    """A switching structure with its programme and its solver, to be solved for many parameter values and limits.
+    """A switching structure to be solved for many parameter values and limits; made by `prepare_structure`.
 
     Args:
         origin: the polished solution whose structure it is.
-        programme: of its structure; None if it cannot be carried over.
-        reason: why it cannot.
+        task: its problem.
+        settings: of IPOPT.
+        programmes: of its structure, and of those met since.
         setup: seconds.
     """
 
     origin: Solution
-    programme: ArcProgramme | None
-    reason: str
+    task: ArcProblem
+    settings: Ipopt
+    programmes: dict[object, ArcProgramme]
     setup: float
 
     def __call__(
@@ -60,14 +64,14 @@ class PreparedStructure:
         problem: Problem | None = None,
         guess: Solution | None = None,
     ) -> Solution:
-        """Solve with this structure, and check that the structure is the right one.
+        """Solve with the structure of the guess, revised where it is found wrong, and check the sign conditions.
 
         The answer is a function of the origin, the guess, the values and the problem: bit by bit the same elsewhere.
 
         Args:
             values: of parameters, by name; nominal where silent.
             problem: one that differs in limits, start and end values only.
-            guess: a solution of the same structure to start from, such as the last one carried over; None: the origin.
+            guess: a solution with its structure, such as the last one carried over; None: the origin.
 
         Returns:
             The motion with its `structure` if it is solved, the local error of the dynamics is as small as `polish`
@@ -76,70 +80,67 @@ class PreparedStructure:
 
         Raises:
             TypeError: a guess that is no Solution.
-            ValueError: a problem of another structure, or a wrong parameter name.
+            ValueError: a problem of another structure, a guess of another system, or a wrong parameter name.
         """
         begun = time.perf_counter()
         guess = self.origin if guess is None else guess
+        self._check(guess)
+        new = self.task.problem if problem is None else same_structure(self.task.problem, problem)
+        numbers = tuple(new.system.values(values))
+        reason = _other_limits(self.task.problem, new)
+        if reason or guess.structure is None:
+            return _refused(replace(guess, problem=new), reason or "the guess has no structure")
+        arcs, seen, iterations, derivatives, solver = guess.structure.arcs, set[object](), 0, 0.0, 0.0
+        elements, before = _elements(guess), guess
+        while True:
+            if self.task.loose(arcs):
+                found, reason = before, "singular arcs need a price that is iterated away; polish does that"
+                break
+            programme = self._programme(arcs, elements).adapted(new, numbers)
+            start = programme.start(from_solution(before), durations(arcs)) if seen else programme.restart(guess)
+            motion = programme.solve(start)
+            seen.add(key_of(arcs))
+            iterations += motion.answer.iterations
+            derivatives, solver = derivatives + motion.answer.derivatives, solver + motion.answer.seconds
+            found = before = motion.solution(programme.task, self.origin)
+            reason, revised = _judged(programme.task, motion, found)
+            if not reason or key_of(revised) in seen or len(seen) > REVISIONS:
+                break
+            elements = elements if len(revised) == len(arcs) else elements_of(revised, _level(self.origin))
+            arcs = revised
+        total = time.perf_counter() - begun
+        timings = Timings(total - solver, derivatives, solver - derivatives, total)
+        found = replace(found, iterations=iterations, timings=timings, rung="structure carried over")
+        if reason:
+            return _refused(found, reason)
+        words = f"{len(motion.arcs)} arcs carried over" + (f", {len(seen) - 1} times revised" if len(seen) > 1 else "")
+        structure = tabulate(new, programme.task.limits, motion.arcs)
+        return replace(found, structure=structure, message=f"{found.status.value}; {words}")
+
+    def _check(self, guess: Solution) -> None:
         if not isinstance(guess, Solution):
             raise TypeError(f"guess: got {guess!r}, expected a Solution")
-        old = self._problem
-        new = old if problem is None else same_structure(old, problem)
-        numbers = tuple(new.system.values(values))
-        reason = self.reason or _other_limits(old, new) or self._other_structure(guess)
-        if reason or self.programme is None:
-            return _refused(replace(guess, problem=new), reason)
-        programme = self.programme.adapted(new, numbers)
-        motion = programme.solve(programme.restart(guess), limited=False)
-        found = replace(motion.solution(programme.task, self.origin), rung="structure carried over")
-        found = replace(found, iterations=motion.answer.iterations, message=motion.answer.status.value)
-        if not found.ok:
-            reason = f"the arcs lead nowhere ({motion.answer.verbatim})"
-        elif len(without_vanished(motion.arcs)) < len(motion.arcs):
-            reason = "an arc vanishes"
-        else:
-            certificate, residual = certify(programme.task, motion), float(np.max(found.error))
-            if not certificate.sound:
-                reason = complaint(programme.task, certificate)
-            elif beyond := _beyond(programme.task, motion):
-                reason = beyond
-            elif residual > RESIDUAL:
-                reason = f"the local error of the dynamics is {residual:.1e}, more elements are needed"
-            else:
-                structure = tabulate(new, programme.task.limits, motion.arcs)
-                words = (
-                    f"{len(motion.arcs)} arcs carried over, sign conditions open by {certificate.gap:.1e} of the cost"
-                )
-                found = replace(found, structure=structure, message=f"{found.message}; {words}")
-        total, inside = time.perf_counter() - begun, motion.answer.derivatives
-        timings = Timings(total - motion.answer.seconds, inside, motion.answer.seconds - inside, total)
-        found = replace(found, timings=timings)
-        return _refused(found, reason) if reason else found
+        sizes, expected = ((one.scheme, one.states.shape[2], one.controls.shape[2]) for one in (guess, self.origin))
+        if sizes != expected:
+            raise ValueError(f"guess: has (scheme, nx, nu) = {sizes}, the structure was prepared with {expected}")
 
-    @property
-    def _problem(self) -> Problem:
-        assert self.origin.problem is not None
-        return self.origin.problem
-
-    def _other_structure(self, guess: Solution) -> str:
-        """Return the reason if a guess does not have the structure and the elements of the origin."""
-        origin = self.origin
-        if guess.structure is None or _key(guess) != _key(origin):
-            return "the guess has another structure"
-        if (
-            guess.scheme != origin.scheme
-            or guess.states.shape != origin.states.shape
-            or _elements(guess) != _elements(origin)
-        ):
-            return "the guess has other elements"
-        return ""
+    def _programme(self, arcs: tuple[Arc, ...], elements: tuple[int, ...]) -> ArcProgramme:
+        """Return the programme of a structure, as it follows from the origin whatever was solved before."""
+        key = key_of(arcs), elements
+        if key not in self.programmes:
+            if len(self.programmes) >= KEPT:
+                del self.programmes[next(iter(self.programmes))]
+            scale = from_solution(self.origin)
+            self.programmes[key] = prepare_arcs(self.task, arcs, elements, scale, self.settings, limited=False)
+        return self.programmes[key]
 
 
 def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> PreparedStructure:
-    """Transcribe the problem of a polished solution for its structure and build its solver, for many neighbours.
+    """Transcribe the problem of a polished solution for its structure, to be solved for many neighbours.
 
     Args:
         polished: with its `structure`, by `polish` or carried over, loaded or not.
-        solver: settings of IPOPT.
+        solver: settings of IPOPT; it is called only where there are fewer equations than unknowns.
 
     Raises:
         TypeError: no Solution.
@@ -150,25 +151,33 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
         raise TypeError(f"prepare_structure: got {polished!r}, expected a polished Solution")
     if polished.problem is None:
         raise ValueError("prepare_structure: this solution was loaded without its model; use load(path, problem=...)")
-    if polished.structure is None or polished.scheme.control is not Control.COLLOCATED:
+    if polished.structure is None:
         raise ValueError("prepare_structure: this solution has no structure, expected one that polish returned with it")
     task = arc_problem(polished.problem, polished.scheme, polished.values)
+    settings = SETTINGS if solver is None else solver
+    prepared = PreparedStructure(polished, task, settings, {}, 0.0)
     arcs = polished.structure.arcs
-    reason = _unfit(task, polished, arcs)
-    programme = None
-    if not reason:
-        settings = SETTINGS if solver is None else solver
-        programme = prepare_arcs(task, arcs, _elements(polished), from_solution(polished), settings)
-    return PreparedStructure(polished, programme, reason, time.perf_counter() - begun)
+    if not task.loose(arcs):
+        prepared._programme(arcs, _elements(polished))
+    return replace(prepared, setup=time.perf_counter() - begun)
 
 
-def _unfit(task: ArcProblem, polished: Solution, arcs: tuple[Arc, ...]) -> str:
-    """Return why a structure cannot be carried over, or nothing."""
-    if not polished.ok:
-        return "it is not a solved one"
-    if task.loose(arcs):
-        return "its singular arcs need a price that is iterated away; polish does that"
-    return ""
+def _judged(task: ArcProblem, motion: ArcMotion, found: Solution) -> tuple[str, tuple[Arc, ...]]:
+    """Return what is wrong with a motion, or nothing, and the arcs to try next."""
+    arcs, least = motion.arcs, SHORTEST * motion.duration
+    if motion.answer.status is not Status.SOLVED:
+        return f"the arcs lead nowhere ({motion.answer.verbatim})", arcs
+    if len(without_vanished(arcs)) < len(arcs):
+        other = swapped(arcs)
+        other = other if key_of(other) != key_of(arcs) else without_vanished(arcs)
+        return "an arc vanishes", tuple(replace(arc, duration=max(arc.duration, least)) for arc in other)
+    certificate = certify(task, motion)
+    if not certificate.sound:
+        return complaint(task, certificate), revise(motion, certificate, task.limits)
+    residual = float(np.max(found.error))
+    if residual > RESIDUAL:
+        return f"the local error of the dynamics is {residual:.1e}, more elements are needed", arcs
+    return _beyond(task, motion), arcs
 
 
 def _elements(solution: Solution) -> tuple[int, ...]:
@@ -179,9 +188,11 @@ def _elements(solution: Solution) -> tuple[int, ...]:
     return tuple(np.bincount(np.searchsorted(ends / ends[-1], middle), minlength=len(ends)).tolist())
 
 
-def _key(solution: Solution) -> tuple[object, ...]:
+def _level(solution: Solution) -> int:
+    """Return how often the elements of a solution have been halved."""
     assert solution.structure is not None
-    return tuple((arc.kinds, arc.held, arc.touched) for arc in solution.structure.arcs)
+    plain = elements_of(solution.structure.arcs)
+    return max(0, round(float(np.log2(len(solution.grid) / sum(plain)))))
 
 
 def _other_limits(old: Problem, new: Problem) -> str:

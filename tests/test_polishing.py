@@ -30,7 +30,7 @@ from ocp.arcprogramme import prepare_arcs
 from ocp.arcs import arc_problem
 from ocp.phases import from_solution
 from ocp.polishing import SETTINGS
-from ocp.structure import Arc, Contact, Kind
+from ocp.structure import Arc, Contact, Kind, durations
 
 sys.path.append(str(Path(__file__).parents[1] / "scripts"))
 from time_optimal import TASKS
@@ -153,7 +153,7 @@ def solved_arcs(limit, arcs, elements):
     problem = problems.bryson_denham(limit).problem
     guess = from_solution(solve(problem, grid=uniform(30)))
     programme = prepare_arcs(arc_problem(problem, SIX, {}), arcs, elements, guess, SETTINGS)
-    return programme.solve(programme.start(guess))
+    return programme.solve(programme.start(guess, durations(arcs)))
 
 
 def test_multipliers_of_a_held_limit():
