@@ -48,8 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(by_group(findings))
     bad = [finding for finding in findings if not finding.passed and not finding.case.outside]
     for finding in bad:
-        for figure in [figure for figure in finding.figures if not figure.passed][:5] or [None]:
-            print(f"FAILED {finding.case}: {figure or 'no figure was measured'}")
+        wrong = [str(figure) for figure in finding.figures if not figure.passed][:5]
+        print("\n".join(f"FAILED {finding.case}: {text}" for text in wrong or ["no figure was measured"]))
     print(f"{head}: {len(bad)} failed; files {', '.join(map(os.fspath, files))}")
     return 1 if bad else 0
 
