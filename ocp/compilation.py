@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
 import shlex
 import shutil
 import stat
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +31,8 @@ FLAGS = ("-Og", "-fPIC", "-shared", "-ffp-contract=off")
 PATIENCE = 300.0  # seconds that the compiler may take
 KEPT = 90.0 * 86400.0  # seconds after its last use that a library is kept
 ABANDONED = 86400.0  # seconds after which the files of a compiler that was stopped are removed
+LIBRARY = re.compile(r"[0-9a-f]{40}-[0-9a-f]{40}\.so")  # hash of what it depends on, hash of its content
+BUILD = ".hamel-build-"  # how the directory of a compiler at work begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,18 +184,19 @@ def _check_owner(path: Path) -> None:
 def _found(place: Path, key: str) -> Path | None:
     """Return the library of a key whose content has the hash in its name; damaged ones are removed."""
     for path in sorted(place.glob(f"{key}-*.so")):
-        _check_owner(path)
-        if path.is_symlink() or _digest(path.read_bytes()) != path.stem.rpartition("-")[2]:
-            path.unlink(missing_ok=True)
-            continue
-        os.utime(path)  # its last use
-        return path
+        with suppress(FileNotFoundError):  # another process has removed it just now
+            if not path.is_symlink():
+                _check_owner(path)
+                if _digest(path.read_bytes()) == path.stem.rpartition("-")[2]:
+                    os.utime(path)  # its last use
+                    return path
+            path.unlink()
     return None
 
 
 def _build(functions: tuple[ca.Function, ...], command: list[str], place: Path, key: str) -> Path:
     """Return a new library. It gets its name, with the hash of its content, in one step when it is finished."""
-    with tempfile.TemporaryDirectory(prefix="build-", dir=place) as temporary:
+    with tempfile.TemporaryDirectory(prefix=BUILD, dir=place) as temporary:
         there = Path(temporary)
         code = ca.CodeGenerator("functions", {"with_header": False})
         for function in functions:
@@ -205,16 +210,12 @@ def _build(functions: tuple[ca.Function, ...], command: list[str], place: Path, 
 
 
 def _remove_old(place: Path) -> None:
-    """Remove libraries that have not been used for long, and what stopped compilers left behind."""
+    """Remove libraries that have not been used for long, and what stopped compilers left behind; nothing else."""
     now = time.time()
-    for pattern, age in (("*-*.so", KEPT), ("build-*", ABANDONED)):
-        for path in place.glob(pattern):
-            try:
-                if now - path.lstat().st_mtime < age:
-                    continue
-                if path.is_dir():
-                    shutil.rmtree(path)
-                else:
-                    path.unlink()
-            except OSError:
-                continue  # another process was faster
+    for path in place.iterdir():
+        with suppress(OSError):  # another process was faster
+            age = now - path.lstat().st_mtime
+            if LIBRARY.fullmatch(path.name) and age > KEPT:
+                path.unlink()
+            elif path.name.startswith(BUILD) and age > ABANDONED:
+                shutil.rmtree(path)
