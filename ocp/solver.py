@@ -11,7 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ocp import compilation
 from ocp.collocation import Scheme, radau
+from ocp.compilation import Compilation
 from ocp.continuation import multipliers
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
@@ -83,6 +85,11 @@ class Prepared:
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
         """Return the parameter values of every phase, nominal where `values` is silent."""
         return parameter_values(self.problem, values)
+
+    @property
+    def compilations(self) -> tuple[Compilation, ...]:
+        """What came of compiling the functions of every phase; empty if not asked for."""
+        return tuple(made for programme in self.compound.programmes if (made := programme.compilation) is not None)
 
     def on(
         self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
@@ -190,6 +197,7 @@ def prepare(
     solver: Ipopt | None = None,
     guess: Start | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
+    compiled: bool = False,
 ) -> Prepared:
     """Transcribe a problem and build its solver once, for many solves.
 
@@ -200,6 +208,7 @@ def prepare(
         solver: settings.
         guess: sets the magnitudes of the scaling; None for a smooth motion between the ends.
         values: of parameters, for the scaling.
+        compiled: let the functions of an element be machine code (see `ocp.compilation`): for many solves.
 
     Raises:
         TypeError: an argument of the wrong kind.
@@ -217,11 +226,11 @@ def prepare(
     every = parameter_values(problem, values)
     given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
     guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
-    programmes = []
+    programmes, translate = [], compilation.compiled if compiled else None
     for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
         free = free_parameters(phase)
         scaling = from_limits(phase, first, numbers, free) if solver.scaled else unscaled(phase, len(free))
-        programmes.append(transcribe(phase, scheme, grid, scaling))
+        programmes.append(transcribe(phase, scheme, grid, scaling, translate=translate))
     compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
     cold = build(compound.nlp, compound.derivatives, solver, warm=False)
     known = (problem, every, guesses) if given is None else None
