@@ -8,7 +8,6 @@ from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ocp import compilation
@@ -21,7 +20,7 @@ from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
-from ocp.problem import Bolza, Fixed, Problem
+from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
@@ -275,29 +274,3 @@ def solve(
 def _fresh(guess: Any) -> bool:
     parts = guess if isinstance(guess, list | tuple) else [guess]
     return all(isinstance(part, Guess) for part in parts)
-
-
-def same_structure(old: Problem, new: Problem) -> Problem:
-    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
-    same = (
-        new.system is old.system
-        and type(new.horizon) is type(old.horizon)
-        and _same_cost(new.minimise, old.minimise)
-        and len(new.subject_to) == len(old.subject_to)
-        and all(
-            a.where is b.where
-            and a.expression.shape == b.expression.shape
-            and ca.is_equal(a.expression, b.expression, 10)
-            for a, b in zip(old.subject_to, new.subject_to, strict=True)
-        )
-    )
-    if not same:
-        raise ValueError(
-            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
-        )
-    return new
-
-
-def _same_cost(one: Bolza, other: Bolza) -> bool:
-    alike = ((one.running, other.running), (one.final, other.final))
-    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))
