@@ -20,7 +20,7 @@ from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
-from ocp.problem import Fixed, Problem
+from ocp.problem import Fixed, Problem, same_structure
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
