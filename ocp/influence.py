@@ -10,8 +10,8 @@ from ocp.lineage import neighbours
 from ocp.study_table import StudyTable
 
 Array = np.ndarray
-STEEP = 5.0  # times the steps on both sides: a jump
-ROUNDING = 1e-4  # share of the value below which no step is a jump
+STEEP = 5.0  # times the change of slope from one side to the other
+ROUNDING = 1e-4  # share of the value below which nothing is a jump
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,10 @@ def influences(table: StudyTable, result: str = "duration") -> tuple[Influence, 
 
 
 def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...]:
-    """Return the pairs of neighbours between which a result steps more than five times as far as on both sides.
+    """Return the pairs of neighbours between which a result leaves its trend; they may lie in different local optima.
 
-    Such neighbours probably lie in different local optima.
+    The slope between them differs from the mean of the slopes on both sides by more than five times what these differ
+    from each other. A kink, where one optimum takes over from another without a step, is none.
 
     Args:
         table: of a study on a grid.
@@ -84,23 +85,22 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
     """
     y = table[result]
     pairs = [(a, b) for a, b in neighbours(table.cases) if np.isfinite(y[a]) and np.isfinite(y[b])]
-    axis = {(a, b): next(n for n in table.axes if table.cases[a][n] != table.cases[b][n]) for a, b in pairs}
-    following = {(a, axis[a, b]): b for a, b in pairs}
-    leading = {(b, axis[a, b]): a for a, b in pairs}
-    found = []
+    slopes = {}
     for a, b in pairs:
-        name, step = axis[a, b], _steepness(table, a, b, axis[a, b], y)
-        before, after = leading.get((a, name)), following.get((b, name))
-        beside = [_steepness(table, before, a, name, y)] if before is not None else []
-        beside += [_steepness(table, b, after, name, y)] if after is not None else []
-        far = abs(y[b] - y[a]) > ROUNDING * abs(y[a])
-        if beside and far and step > STEEP * max(beside):
+        name = next(n for n in table.axes if table.cases[a][n] != table.cases[b][n])
+        width = float(table.cases[b][name]) - float(table.cases[a][name])  # type: ignore[arg-type]
+        slopes[a, b] = name, width, float(y[b] - y[a]) / width
+    ends = {(name, b): slope for (_, b), (name, _, slope) in slopes.items()}
+    begins = {(name, a): slope for (a, _), (name, _, slope) in slopes.items()}
+    found = []
+    for (a, b), (name, width, slope) in slopes.items():
+        before, after = ends.get((name, a)), begins.get((name, b))
+        if before is None or after is None:
+            continue
+        away, beside = abs(slope - (before + after) / 2.0) * width, abs(after - before) * width
+        if away > STEEP * beside + ROUNDING * abs(float(y[a])):
             found.append((a, b))
     return tuple(found)
-
-
-def _steepness(table: StudyTable, a: int, b: int, axis: str, y: Array) -> float:
-    return abs(float(y[b] - y[a]) / float(table.cases[b][axis] - table.cases[a][axis]))  # type: ignore[operator]
 
 
 def _main_effect(column: Array, y: Array, slope: float) -> float:

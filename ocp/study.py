@@ -27,6 +27,8 @@ from ocp.store import Store
 from ocp.study_table import StudyTable
 from ocp.work import Work
 
+LONG = 100  # cases from which on compiling pays: it takes 0.1 to 0.7 s, and saves 2 ms and more for each
+
 Run = Executor | Callable[[], Executor] | None
 
 
@@ -58,6 +60,10 @@ class Study:
         neighbours: whether cases start from their neighbours.
         checked: share of such cases that are solved from nothing as well.
         measure: of a Solution, returns name -> number; default cost, duration, peak and root mean square of controls.
+        slopes: whether the derivatives of cost and duration by every number of a case are noted as well, from the
+            conditions of optimality, as "d duration / d NAME".
+        compiled: whether the functions of an element are compiled to machine code, where a C compiler is there; None
+            for studies without polish of at least 100 cases, which is when it pays.
         settings: anything else that results depend on; part of the identity.
 
     Raises:
@@ -74,6 +80,8 @@ class Study:
     neighbours: bool = True
     checked: float = 0.1
     measure: Callable[[Solution], Mapping[str, float]] = measures
+    slopes: bool = False
+    compiled: bool | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -103,7 +111,16 @@ class Study:
     @cached_property
     def identity(self) -> str:
         """Hash of everything but the values of the cases."""
-        own = (self.scheme, self.grid, self.solver, self.polished, self.neighbours, self.checked, self.measure)
+        own = (
+            self.scheme,
+            self.grid,
+            self.solver,
+            self.polished,
+            self.neighbours,
+            self.checked,
+            self.measure,
+            self.slopes,
+        )
         return digest(self.function, own, dict(self.settings), versions())
 
     @cached_property
@@ -124,6 +141,7 @@ class Study:
             "polished": self.polished,
             "neighbours": self.neighbours,
             "checked": self.checked,
+            "slopes": self.slopes,
             "settings": {key: repr(value) for key, value in self.settings.items()},
             "python": platform.python_version(),
             "platform": platform.platform(),
@@ -157,7 +175,7 @@ class Study:
             store.begin(self.identity, self.about)
             work = Work(
                 self.identity, self.function, self._root, self.measure, self.scheme, self.grid, self.solver,
-                self.polished, self.neighbours, self.checked,
+                self.polished, self.neighbours, self.checked, self.slopes, self._compiled,
             )  # fmt: skip
             carry_out(work, self.cases, self.ids, self._parents, store, executor, retry_failed, watch)
             return self._table(store)
@@ -180,6 +198,12 @@ class Study:
     @cached_property
     def _parents(self) -> tuple[int | None, ...]:
         return tuple(parents(self.cases)) if self.neighbours else (None,) * len(self.cases)
+
+    @property
+    def _compiled(self) -> bool:
+        # By the number of cases alone, so that every process and every run decides alike.
+        long = len(self.cases) >= LONG and not (self.polished and self.neighbours)
+        return long if self.compiled is None else self.compiled
 
     @property
     def _root(self) -> Case:

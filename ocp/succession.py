@@ -15,10 +15,9 @@ from ocp.constraint import Where
 from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
 from ocp.polishing import RESIDUAL
-from ocp.problem import Fixed, Problem
+from ocp.problem import Fixed, Problem, same_structure
 from ocp.revision import revise, swapped, without_vanished
 from ocp.solution import Solution, Status, Timings
-from ocp.solver import same_structure
 from ocp.structure import Arc, durations, elements_of, key_of, tabulate
 
 REVISIONS = 3  # of a structure that turns out wrong

@@ -48,6 +48,8 @@ class Work:
     polished: bool
     neighbours: bool
     checked: float
+    slopes: bool
+    compiled: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +251,7 @@ class _Here:
         work = self.work
         if self._prepared is None:
             first, nominal = stated(self.function, work.root)
-            self._prepared = prepare(first, work.scheme, work.grid, work.solver, values=nominal)
+            self._prepared = prepare(first, work.scheme, work.grid, work.solver, values=nominal, compiled=work.compiled)
         try:
             return self._prepared.adapted(problem, None)
         except ValueError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -21,7 +22,7 @@ from ocp.influence import influences, jumps
 
 MOST = 6  # panels of results
 SKIPPED = ("iterations", "cost")
-FOLLOWS = 0.9999  # correlation with an axis beyond which a result is not worth a panel, such as a peak at its limit
+FOLLOWS = 0.999  # correlation with an axis beyond which a result is not worth a panel, such as a peak at its limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class _View:
         found = [self.result]
         for name in sorted((n for n in rest if not n.startswith("d ")), key=lambda n: n.startswith(("rms", "peak"))):
             y = table[name][table.ok]
-            varies = np.ptp(y) > 1e-6 * np.max(np.abs(y))
+            varies = np.ptp(y) > 1e-3 * np.max(np.abs(y))
             if varies and not any(len(axes) > 1 and abs(np.corrcoef(x, y)[0, 1]) > FOLLOWS for x in axes):
                 found.append(name)
         return found[:MOST]
@@ -158,7 +159,7 @@ def ranking(view: _View) -> Figure:
     )
     for axes, values, label in columns:
         bars = axes.barh([row.axis for row in rows], values, color=[LIMIT if v > 0.0 else MOTION for v in values])
-        axes.barview.label(bars, fmt="%+.3g", padding=3, fontsize=8)
+        axes.bar_label(bars, fmt="%+.3g", padding=3, fontsize=8)
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.margins(x=0.2)
         axes.set_xlabel(label)
@@ -194,7 +195,7 @@ def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[s
         own = members & table.ok & (ways == way)
         if own.any():
             places = table[names[0]][own], table[names[1]][own]
-            edge = {"markeredgecolor": "black", "markeredgewidth": 0.4, "clip_on": False, "zorder": 5}
+            edge: dict[str, Any] = {"markeredgecolor": "black", "markeredgewidth": 0.4, "clip_on": False, "zorder": 5}
             axes.plot(*places, marker, color=colour, markersize=3.5, linestyle="", label=way, **edge)
     bad = members & ~table.ok
     if bad.any():

@@ -107,8 +107,9 @@ def of_document(document: Table, store: str | Path | None) -> Study:
     for case in (cases[0], cases[-1]):  # what is wrong in a file is told before anything is computed
         whole = changed(bare, {keys[name]: value for name, value in case.items()})
         task = read_task(whole, read_scene(whole, [keys[name] for name in symbols]))
+    nominal = changed(bare, {keys[name]: cases[0][name] for name in symbols})
     return Study(
-        SceneProblem(json.dumps(bare.entries, sort_keys=True), symbols, others, tuple(keys.items())), design, store,
+        SceneProblem(json.dumps(nominal.entries, sort_keys=True), symbols, others, tuple(keys.items())), design, store,
         scheme=radau(3), grid=uniform(task.elements), measure=measures, polished=_truth(table, "polished", False),
         neighbours=_truth(table, "neighbours", True), checked=table.number("checked", "", 0.1),
     )  # fmt: skip

@@ -24,6 +24,11 @@ def carts(**changes):
     return Study(cart, **{**given, **changes})
 
 
+def wide(store):
+    axes = {"mass": [0.5 + 0.25 * k for k in range(12)], "limit": [0.5 + 0.1 * k for k in range(15)]}
+    return carts(over=axes, store=store, grid=uniform(20))
+
+
 def slow_square(x, folder):
     """Take some time, and leave a mark that the case was computed."""
     time.sleep(0.02)

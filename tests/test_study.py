@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies import CART, QUIET, cart, carts, dies, plain, squares
+from studies import CART, QUIET, cart, carts, dies, plain, squares, wide
 
 from ocp import Problem, Product, Study, Zip, solve, sweep, uniform
 from ocp.store import Store, StoreError
@@ -188,12 +188,41 @@ def test_killed_at_random_moments_nothing_is_lost_or_doubled(tmp_path):
     assert len(marks) - 40 <= 10
 
 
-def _stored(folder):
+def _stored(folder, identity=None):
     try:
         with Store(folder / "s.db", write=False) as store:
-            return len(store.of_study(squares(folder).identity))
+            return len(store.of_study(identity or squares(folder).identity))
     except (StoreError, OSError):
         return 0
+
+
+POOL = """
+from concurrent.futures import ProcessPoolExecutor
+from studies import wide
+if __name__ == "__main__":
+    wide({store!r}).run(lambda: ProcessPoolExecutor(2))
+"""
+
+
+@pytest.mark.slow
+def test_a_pool_killed_at_random_moments_finds_the_same_motions(tmp_path):
+    """Cases that start from neighbours: the tree is the same, whatever was stored when the processes died."""
+    whole = results(wide(None).run())
+    script = tmp_path / "script.py"
+    script.write_text(POOL.format(store=str(tmp_path / "s.db")))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
+    generator, done = random.Random(7), [0]
+    for _ in range(10):
+        process = subprocess.Popen([sys.executable, str(script)], env=environment, start_new_session=True)
+        wanted = done[-1] + generator.randint(1, 8)
+        while process.poll() is None and _stored(tmp_path, wide(None).identity) < wanted:
+            time.sleep(0.002)
+        time.sleep(generator.uniform(0.0, 0.05))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        done.append(_stored(tmp_path, wide(None).identity))
+    assert 10 <= done[-1] < len(whole)
+    assert results(wide(tmp_path / "s.db").run()) == whole
 
 
 def test_two_processes_share_a_store(tmp_path):
