@@ -24,6 +24,7 @@ from ocp import (
     Ipopt,
     Problem,
     Status,
+    Study,
     along,
     legendre,
     load,
@@ -259,6 +260,33 @@ def test_guess_may_come_from_a_file_and_has_the_last_word_on_the_structure(tmp_p
     assert [arc.kinds for arc in found[0].structure.arcs] == [arc.kinds for arc in near.structure.arcs]
 
 
+def test_neighbour_with_a_system_of_its_own_is_transcribed_anew():
+    task = TASKS["spherical"]
+    arm = canonical(spherical(m_3=14.9), [Gravity(), Payload(Parameter(0.2))])
+    other = canonical(spherical(m_3=15.0), [Gravity(), Payload(Parameter(0.2))])
+    there, here = (
+        point_to_point(a, task.q0, task.q1, q=(task.q_min, task.q_max), tau=task.limit) for a in (arm, other)
+    )
+    found = prepare_structure(polish(solve(here), solver=EXACT))({"payload.mass": 0.25}, there)
+    assert found.problem is there
+    reference = carried("spherical")({"m_3": 14.9, "payload.mass": 0.25})
+    assert_same(found, reference)
+    assert found.timings.setup > reference.timings.setup
+
+
+def lift(mass):
+    return problems.lift_fastest(mass=mass, speed=1.2).problem  # each with a system of its own
+
+
+def test_study_of_systems_of_their_own_carries_structures_over():
+    table = Study(lift, over={"mass": [3.0, 3.05, 3.1, 3.15]}, polished=True, checked=0.0).run()
+    assert [record.status for record in table.records] == ["solved"] * 4
+    assert sum(record.way == "carried" for record in table.records) == 3
+    for record in table.records:
+        mass = dict(record.parameters)["mass"]
+        assert record.results["duration"] == pytest.approx(problems.lift_fastest(mass=mass, speed=1.2).cost, rel=1e-11)
+
+
 def test_far_neighbour_is_refused_with_the_reason():
     found = carried("spherical")({"m_3": 150.0})
     assert_refused(found, "")
@@ -301,6 +329,8 @@ def test_wrong_arguments():
         carry({"m_4": 1.0})
     with pytest.raises(ValueError, match="in more than limits"):
         carry(problem=problems.lift_fastest().problem)
+    with pytest.raises(TypeError, match="problem: got 3"):
+        carry(problem=3)
 
 
 def test_maximum_on_the_way_is_no_minimum():
