@@ -58,6 +58,8 @@ def polish(
     vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded,
     and arcs inserted where a switching function has the wrong sign, until nothing is wrong. Where the structure is in
     doubt, the grid is refined there and read again.
+    Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
+    the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
     Interior arcs of controls that enter the Hamiltonian linearly are singular: a price on the distance from the last
     iterate keeps them from chattering and is iterated away (proximal point); what is left of it is in the message.
