@@ -77,6 +77,14 @@ class ArcProgramme:
         z0[layout.free] = np.array(list(solution.free.values())) / scaling.free
         return z0
 
+    def unlimited(self) -> ArcProgramme:
+        """Return it without the limits that the structure does not meet, and without durations >= 0.
+
+        It often has as many equations as unknowns then, which take few Newton steps near their solution.
+        """
+        bare = replace(self, limited=False)
+        return replace(bare, equations=as_equations(self.programme, bare._bounds()))
+
     def solve(self, z0: Array) -> ArcMotion:
         """Solve from given unknowns (nz,).
 
@@ -180,22 +188,21 @@ def prepare_arcs(
         guess: of the motion; sets the scaling.
         settings: of IPOPT.
         weight: [cost/s] of the distance of undetermined controls from those of the guess.
-        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme. Without
-            them it often has as many equations as unknowns, which take few Newton steps near their solution.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
     """
     begun = time.perf_counter()
     arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    ties = _ties(task, arcs, arc, scaling.horizon)
+    ties = _ties(task, arcs, arc, guess.duration)
     near = _near(task, arcs, arc, guess, grid, weight)
     division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
     programme = transcribe(freed, task.scheme, grid, scaling, division)
-    bare = ArcProgramme(task, arcs, elements, programme, division, ties, limited, None, None, 0.0)
-    equations = None if limited else as_equations(programme, bare._bounds())
-    solver = None if equations else build(programme.nlp, programme.derivatives, settings, warm=False)
-    return replace(bare, solver=solver, equations=equations, setup=time.perf_counter() - begun)
+    whole = ArcProgramme(task, arcs, elements, programme, division, ties, True, None, None, 0.0)
+    whole = whole if limited else whole.unlimited()
+    solver = None if whole.equations else build(programme.nlp, programme.derivatives, settings, warm=False)
+    return replace(whole, solver=solver, setup=time.perf_counter() - begun)
 
 
 def _freed(problem: Problem) -> Problem:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp.arcs import ArcMotion, ArcProblem
+from ocp.buffered import mapped
 from ocp.collocation import Scheme
 from ocp.constraint import Where
 from ocp.multipliers import Jump
@@ -172,7 +173,7 @@ def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
     x = np.einsum("sm,kma->ksa", scheme.state_at(tau)[:, : len(scheme.nodes)], motion.states).reshape(n * s, -1)
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     t = (motion.duration * (motion.grid.ends[:-1, None] + motion.grid.widths[:, None] * tau)).ravel()
-    values = np.array(task.levels.map(len(t))(x.T, u.T, np.tile(motion.parameters[:, None], len(t))))
+    values = np.array(mapped(task.levels, len(t))(x.T, u.T, np.tile(motion.parameters[:, None], len(t))))
     found: list[Crossing] = []
     for number, limit in enumerate(limits):
         for side in (-1, 1):

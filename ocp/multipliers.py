@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.collocation import lagrange_matrix, slope_matrix
 from ocp.division import Condition
 from ocp.grid import Grid
@@ -85,7 +86,7 @@ def adjoin_directly(
             rates.append(rates[-1] @ slopes / h)
         if limit.order:
             x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
-            found = tie.gradients.map(len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
+            found = mapped(tie.gradients, len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
             for k in range(limit.order):
                 gradient = np.array(found[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
                 costates[own] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[own].shape)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcprogramme import prepare_arcs
+from ocp.arcprogramme import ArcProgramme, prepare_arcs
 from ocp.arcs import ArcMotion, ArcProblem, arc_problem
 from ocp.certificate import Certificate, certify, complaint
 from ocp.collocation import Control, Scheme, legendre
@@ -30,6 +30,7 @@ DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
 FAILURES = 2  # structures that lead nowhere, tried for one reading
+PUSHED = 1e-4  # of scaled unknowns, by limits that are near
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
 PATIENCE = 5.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
 WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
@@ -57,6 +58,8 @@ def polish(
     vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded,
     and arcs inserted where a switching function has the wrong sign, until nothing is wrong. Where the structure is in
     doubt, the grid is refined there and read again.
+    Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
+    the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
     Interior arcs of controls that enter the Hamiltonian linearly are singular: a price on the distance from the last
     iterate keeps them from chattering and is iterated away (proximal point); what is left of it is in the message.
@@ -172,8 +175,27 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(motion, certificate, "", iterations)
+        return _Try(*_finished(programme, motion, certificate), "", iterations)
     return _Try(None, None, "the structure does not settle", iterations)
+
+
+def _finished(programme: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+    """Return a motion solved once more as equations, if it is one: limits that it only comes near push it a little."""
+    task, bare = programme.task, programme.unlimited()
+    if bare.equations is None or task.loose(motion.arcs):
+        return motion, certificate
+    better = bare.solve(motion.answer.z)
+    before, after = motion.answer, better.answer
+    moved = np.max(np.abs(after.z - before.z))
+    if after.status is not Status.SOLVED or moved > PUSHED or without_vanished(better.arcs) != better.arcs:
+        return motion, certificate
+    again = certify(task, better)
+    inside, seconds = before.derivatives + after.derivatives, before.seconds + after.seconds
+    answer = replace(
+        before, z=after.z, multipliers=after.multipliers, limits=after.limits, cost=after.cost, derivatives=inside,
+        seconds=seconds,
+    )  # fmt: skip
+    return (replace(better, answer=answer), again) if again.sound else (motion, certificate)
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 # Times outside the motion by less than this share of the duration are rounding.
 OUTSIDE = 1e-9
+GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 class Status(Enum):
@@ -209,12 +210,11 @@ class Solution:
         if self.problem is None:
             raise ValueError("error: this solution was loaded without its model; use load(path, problem=...)")
         system = self.problem.system
-        nodes, weights = np.polynomial.legendre.leggauss(4)
         edges = np.unique(np.concatenate([[0.0], self.scheme.points, [1.0]]))
-        tau = (edges[:-1, None] + np.diff(edges)[:, None] * (nodes + 1.0) / 2.0).ravel()
-        shares = (np.diff(edges)[:, None] * weights / 2.0).ravel()
+        tau = (edges[:-1, None] + np.diff(edges)[:, None] * (GAUSS[0] + 1.0) / 2.0).ravel()
+        shares = (np.diff(edges)[:, None] * GAUSS[1] / 2.0).ravel()
         t, x, rate, u = self.samples(tau)
-        function = rates(system).map(len(t))
+        function = mapped(rates(system), len(t))
         p = np.array([self.values[name] for name in system.nominal])[:, None]
         missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
         each = missed.reshape(len(self.grid), len(tau), -1)
@@ -234,10 +234,9 @@ class Solution:
         """
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
-        states, slopes, controls = _matrices(self.scheme, np.asarray(tau, dtype=float).tobytes())
-        x = np.einsum("sm,kma->ksa", states, self.data)
-        rate = np.einsum("sm,kma->ksa", slopes, self.data / widths[:, None, None])
-        u = np.einsum("sm,kma->ksa", controls, self.controls)
+        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
+        u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
     def locate(self, t: Array) -> tuple[Array, Array]:
@@ -258,10 +257,3 @@ class Solution:
         element, tau = self.locate(times)
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
-
-
-@functools.lru_cache(maxsize=32)
-def _matrices(scheme: Scheme, places: bytes) -> tuple[Array, Array, Array]:
-    """Return the matrices to states, slopes and controls at places on an element; the same few, asked for often."""
-    tau = np.frombuffer(places)
-    return scheme.state_at(tau), scheme.slope_at(tau), scheme.control_at(tau)

@@ -69,7 +69,8 @@ class PreparedStructure:
 
         Args:
             values: of parameters, by name; nominal where silent.
-            problem: one that differs in limits, start and end values only.
+            problem: one that differs in limits, start and end values only; one whose system is another object with the
+                same states, controls, parameters and constraints is transcribed anew.
             guess: a solution with its structure, such as the last one carried over; None: the origin.
 
         Returns:
@@ -84,6 +85,10 @@ class PreparedStructure:
         begun = time.perf_counter()
         guess = self.origin if guess is None else guess
         self._check(guess)
+        if not isinstance(problem, Problem | None):
+            raise TypeError(f"problem: got {problem!r}, expected a Problem")
+        if problem is not None and _alike(self.task.problem, problem):
+            return self._elsewhere(values, problem, guess)
         new = self.task.problem if problem is None else same_structure(self.task.problem, problem)
         numbers = tuple(new.system.values(values))
         reason = _other_limits(self.task.problem, new)
@@ -122,6 +127,18 @@ class PreparedStructure:
         sizes, expected = ((one.scheme, one.states.shape[2], one.controls.shape[2]) for one in (guess, self.origin))
         if sizes != expected:
             raise ValueError(f"guess: has (scheme, nx, nu) = {sizes}, the structure was prepared with {expected}")
+
+    def _elsewhere(self, values: Mapping[str, float] | None, problem: Problem, guess: Solution) -> Solution:
+        """Solve for a problem with a system of its own, whose programme is of no use afterwards."""
+        there = prepare_structure(replace(self.origin, problem=problem), self.settings)
+        orders = [[(k.constraint, k.component, k.order) for k in one.task.limits] for one in (self, there)]
+        reason = _other_limits(self.task.problem, problem)
+        if reason or orders[0] != orders[1]:
+            return _refused(replace(guess, problem=problem), reason or "its state limits are of other order")
+        found = there(values, guess=guess)
+        spent = found.timings
+        spent = replace(spent, setup=spent.setup + there.setup, total=spent.total + there.setup)
+        return replace(found, timings=spent)
 
     def _programme(self, arcs: tuple[Arc, ...], elements: tuple[int, ...]) -> ArcProgramme:
         """Return the programme of a structure, as it follows from the origin whatever was solved before."""
@@ -192,6 +209,20 @@ def _level(solution: Solution) -> int:
     assert solution.structure is not None
     plain = elements_of(solution.structure.arcs)
     return max(0, round(float(np.log2(len(solution.grid) / sum(plain)))))
+
+
+def _alike(old: Problem, new: Problem) -> bool:
+    """Return whether a problem states the same about another system of the same kind."""
+    kinds = [
+        (
+            *(type(part) for part in (problem, problem.horizon)),
+            *(symbols.numel() for symbols in (problem.system.x, problem.system.u)),
+            list(problem.system.nominal),
+            [(constraint.where, constraint.expression.numel()) for constraint in problem.subject_to],
+        )
+        for problem in (old, new)
+    ]
+    return old.system is not new.system and kinds[0] == kinds[1]
 
 
 def _other_limits(old: Problem, new: Problem) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.constraint import Where
 from ocp.problem import Bolza, Problem
 from ocp.system import System
@@ -48,7 +49,7 @@ def switching_functions(
     system = problem.system
     function = _slopes(system, problem.minimise)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
-    found = function.map(len(x))(x.T, u.T, p, costates.T)
+    found = mapped(function, len(x))(x.T, u.T, p, costates.T)
     values, sizes, bends = np.array(found[0]).T, np.array(found[1]).ravel(), np.array(found[2]).T
     size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
     low, high = problem.limits(Where.ALONG, system.u)
