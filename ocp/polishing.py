@@ -32,7 +32,9 @@ REVISIONS = 16  # structures tried for one reading
 FAILURES = 2  # structures that lead nowhere, tried for one reading
 PUSHED = 1e-4  # of scaled unknowns, by limits that are near
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
-PATIENCE = 5.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
+# No further structure is tried after that much work, 5 times that of the given solve and so much more. Work is counted
+# in iterations at one collocation point, not in seconds, so that a busy machine finds the same.
+PATIENCE = 5.0, 25000
 WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
 PROXIMAL, PRICE = 8, 1e-11  # steps until their price is this share of the cost
 
@@ -45,6 +47,7 @@ class _Try:
     certificate: Certificate | None
     reason: str
     iterations: int
+    work: float
 
 
 def polish(
@@ -106,10 +109,10 @@ def polish(
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed = solution.cost + _doubt(problem, solution)
     coarse, reason, iterations = solution, "", 0
-    until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
+    left = PATIENCE[0] * _work(solution) + PATIENCE[1]
     for reading in range(READINGS):
-        tried = _settle(task, coarse, settings, until)
-        iterations += tried.iterations
+        tried = _settle(task, coarse, settings, left)
+        iterations, left = iterations + tried.iterations, left - tried.work
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
@@ -117,15 +120,19 @@ def polish(
                 return _polished(task, solution, tried, (iterations, seconds))
             found = tried.motion.answer.cost
             reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
-        if reading + 1 == READINGS or time.perf_counter() > until:
+        if reading + 1 == READINGS or left <= 0.0:
             break
         finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
                       solution.values)  # fmt: skip
-        iterations += finer.iterations
+        iterations, left = iterations + finer.iterations, left - _work(finer)
         if not finer.ok:
             break
         coarse = finer
     return _unpolished(solution, reason)
+
+
+def _work(solution: Solution) -> float:
+    return float(solution.iterations * len(solution.grid) * solution.scheme.degree)
 
 
 def _couples(problem: Problem, limit: StateLimit) -> bool:
@@ -133,12 +140,12 @@ def _couples(problem: Problem, limit: StateLimit) -> bool:
     return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
 
 
-def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -> _Try:
+def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Try:
     """Read a structure, solve it and revise it until nothing is wrong."""
     arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
-    solves = iterations = level = steps = failures = 0
-    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
+    solves = iterations = work = level = steps = failures = 0
+    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
         elements = elements_of(arcs, level)
         loose = task.loose(arcs)
         weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
@@ -146,6 +153,7 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
         programme = prepare_arcs(task, arcs, elements, guess, begin, weight)
         motion = programme.solve(programme.start(guess, durations(arcs)))
         solves, iterations = solves + 1, iterations + motion.answer.iterations
+        work += motion.answer.iterations * sum(elements) * task.scheme.degree
         seen.add(key_of(arcs))
         if motion.answer.status is not Status.SOLVED:
             failures += 1
@@ -155,7 +163,7 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
-            return _Try(None, None, words, iterations)
+            return _Try(None, None, words, iterations, work)
         certificate = certify(task, motion)
         solution, sound = motion.solution(task, coarse), certificate.sound
         revised = revise(motion, certificate, task.limits)
@@ -168,15 +176,15 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, until: float) -
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
         if not sound and level >= 1:
-            return _Try(None, None, complaint(task, certificate), iterations)
+            return _Try(None, None, complaint(task, certificate), iterations, work)
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(*_finished(programme, motion, certificate), "", iterations)
-    return _Try(None, None, "the structure does not settle", iterations)
+        return _Try(*_finished(programme, motion, certificate), "", iterations, work)
+    return _Try(None, None, "the structure does not settle", iterations, work)
 
 
 def _finished(programme: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
