@@ -65,6 +65,55 @@ class ArcMotion:
         return sum(arc.duration for arc in self.arcs)
 
 
+@dataclass(frozen=True, eq=False)
+class ArcProgramme:
+    """The programme of a structure.
+
+    Args:
+        programme: with the durations of the arcs among its unknowns.
+        limits: state limits of the problem.
+        arcs: the structure.
+        ties: conditions of held and touched limits.
+        division: of the elements into arcs.
+        widths: (N,) of the elements, shares of their arcs.
+        numbers: values of the parameters.
+    """
+
+    programme: Programme
+    limits: tuple[StateLimit, ...]
+    arcs: tuple[Arc, ...]
+    ties: list[Tie]
+    division: Division
+    widths: Array
+    numbers: list[float]
+
+
+def pose_arcs(
+    problem: Problem,
+    limits: tuple[StateLimit, ...],
+    arcs: tuple[Arc, ...],
+    elements: tuple[int, ...],
+    scheme: Scheme,
+    guess: Guess,
+    values: Mapping[str, float],
+    weight: float = 0.0,
+) -> ArcProgramme:
+    """Return the programme of a given structure; arguments as for `solve_arcs`."""
+    numbers = problem.system.values(values)
+    arc = np.repeat(np.arange(len(arcs)), elements)
+    widths = 1.0 / np.repeat(elements, elements)
+    durations = np.array([a.duration for a in arcs])
+    grid = _grid(durations, arc, widths)
+    freed = replace(problem, horizon=Free(guess=float(durations.sum())))
+    scaling = from_limits(freed, guess, numbers, free_parameters(freed))
+    ties = _ties(problem, limits, arcs, arc, scheme, numbers)
+    total = None if isinstance(problem.horizon, Free) else problem.horizon.duration
+    near = _near(problem, arcs, arc, scheme, guess, grid, weight)
+    division = Division(arc, tuple(tie.condition for tie in ties), total, near)
+    programme = transcribe(freed, scheme, grid, scaling, division)
+    return ArcProgramme(programme, limits, arcs, ties, division, widths, numbers)
+
+
 def solve_arcs(
     problem: Problem,
     limits: tuple[StateLimit, ...],
@@ -93,19 +142,13 @@ def solve_arcs(
         optimality for control problems with state-variable inequality constraints, J. Math. Anal. Appl. 35, 1971.
     """
     begun = time.perf_counter()
-    numbers = problem.system.values(values)
-    arc = np.repeat(np.arange(len(arcs)), elements)
-    widths = 1.0 / np.repeat(elements, elements)
+    posed = pose_arcs(problem, limits, arcs, elements, scheme, guess, values, weight)
+    programme, ties, division, widths, numbers = (
+        posed.programme, posed.ties, posed.division, posed.widths, posed.numbers
+    )  # fmt: skip
+    arc, near, scaling = division.arc, division.near, programme.scaling
     durations = np.array([a.duration for a in arcs])
-    grid = _grid(durations, arc, widths)
-    freed = replace(problem, horizon=Free(guess=float(durations.sum())))
-    scaling = from_limits(freed, guess, numbers, free_parameters(freed))
-    ties = _ties(problem, limits, arcs, arc, scheme, numbers)
-    total = None if isinstance(problem.horizon, Free) else problem.horizon.duration
-    near = _near(problem, arcs, arc, scheme, guess, grid, weight)
-    division = Division(arc, tuple(tie.condition for tie in ties), total, near)
-    programme = transcribe(freed, scheme, grid, scaling, division)
-    low, high, rows_low, rows_high = _pinned(problem, programme, arcs, limits, division)
+    low, high, rows_low, rows_high = pinned(problem, programme, arcs, limits, division)
     z0 = pack(programme, guess, numbers)
     z0[programme.layout.horizon] = durations / scaling.horizon
     if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(arcs):
@@ -214,7 +257,7 @@ def _ties(
     return ties
 
 
-def _pinned(
+def pinned(
     problem: Problem, programme: Programme, arcs: tuple[Arc, ...], limits: tuple[StateLimit, ...], division: Division
 ) -> tuple[Array, Array, Array, Array]:
     """Return the bounds with controls pinned, and without the limits that conditions hold already."""

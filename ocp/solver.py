@@ -19,7 +19,7 @@ from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
-from ocp.problem import Fixed, Problem
+from ocp.problem import Bolza, Fixed, Problem
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
@@ -95,7 +95,7 @@ class Prepared:
         programmes = self.compound.programmes
         if problem is not None:
             pairs = zip(phases_of(self.problem), phases_of(problem), strict=True)
-            same = [_same_structure(old, new) for old, new in pairs]
+            same = [same_structure(old, new) for old, new in pairs]
             programmes = tuple(replace(p, problem=new) for p, new in zip(programmes, same, strict=True))
         if grid is not None:
             for programme in programmes:
@@ -268,12 +268,17 @@ def _fresh(guess: Any) -> bool:
     return all(isinstance(part, Guess) for part in parts)
 
 
-def _same_structure(old: Problem, new: Problem) -> Problem:
+def _same_cost(old: Bolza, new: Bolza) -> bool:
+    parts = (old.running, new.running), (old.final, new.final)
+    return old.time == new.time and all(one is other or ca.is_equal(one, other, 10) for one, other in parts)
+
+
+def same_structure(old: Problem, new: Problem) -> Problem:
     """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
     same = (
         new.system is old.system
         and type(new.horizon) is type(old.horizon)
-        and new.minimise is old.minimise
+        and _same_cost(old.minimise, new.minimise)
         and len(new.subject_to) == len(old.subject_to)
         and all(
             a.where is b.where

@@ -1,0 +1,171 @@
+"""The linearised conditions of optimality of a programme (Karush, Kuhn, Tucker), as a banded matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.programme import Programme
+
+Array = np.ndarray
+DEPENDENT = 1e-11  # taken off the diagonal of the rows, so that rows may depend on each other; refined away
+REFINEMENTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Values and derivatives of a programme at one place."""
+
+    gradient: Array  # (nz,) of the cost
+    g: Array  # (ng,)
+    jacobian: ca.DM  # (ng, nz)
+    hessian: ca.DM  # (nz, nz) upper triangle, of the Lagrangian
+
+
+def evaluate(programme: Programme, z: Array, s: Array, y: Array) -> Evaluation:
+    """Return cost gradient, rows and their derivatives."""
+    g, jacobian = programme.derivatives["jac_g"](z, s)
+    gradient = programme.derivatives["grad_f"](z, s)[1]
+    hessian = programme.derivatives["hess_lag"](z, s, 1.0, y)
+    return Evaluation(np.array(gradient).ravel(), np.array(g).ravel(), jacobian, hessian)
+
+
+class Conditions:
+    """The linearised conditions of a programme: where their entries stand, once for all values.
+
+    An unknown that all elements share, such as the duration, would fill the factors; every element gets its own copy,
+    with the copies linked in a chain. In the order of time the matrix is then banded.
+    """
+
+    def __init__(self, programme: Programme, fixed: Array, rows: Array) -> None:
+        layout, elements = programme.layout, len(programme.grid)
+        nz, ng, k = layout.size, programme.rows, len(rows)
+        place = np.zeros(nz, dtype=int)
+        for number in range(elements):
+            place[layout.state[number]] = place[layout.control[number]] = number
+        shared = np.zeros(nz + k + ng, dtype=bool)
+        shared[layout.horizon] = shared[layout.free] = True
+        patterns = (programme.derivatives[name].sparsity_out(i) for name, i in (("hess_lag", 0), ("jac_g", 1)))
+        (h_row, h_column), (j_row, j_column) = (np.array(p.get_triplet(), dtype=np.int64).reshape(2, -1)
+                                                for p in patterns)  # fmt: skip
+        upper = h_row != h_column
+        # A row belongs to the first element that it speaks of; one of shared unknowns alone to the last.
+        row_of = np.full(ng, elements)
+        single = ~shared[j_column]
+        np.minimum.at(row_of, j_row[single], place[j_column[single]])
+        when = np.concatenate([place, np.minimum(row_of, elements - 1)[rows], np.minimum(row_of, elements - 1)])
+        narrow = np.append(~shared[:nz], np.append(np.ones(k, dtype=bool), row_of < elements))
+        first, second = nz + k, nz + np.arange(k)
+        entries = [
+            (h_row, h_column), (h_column[upper], h_row[upper]), (first + j_row, j_column), (j_column, first + j_row),
+            (first + rows, second), (second, first + rows), (np.arange(nz + k),) * 2, (first + np.arange(ng),) * 2,
+        ]  # fmt: skip
+        row, column = (np.concatenate([part[i] for part in entries]) for i in (0, 1))
+        # Copies of shared unknowns, one for each element from the first to the last that has to do with it.
+        copies = nz + k + ng
+        links = []
+        for unknown in np.flatnonzero(shared):
+            if unknown < nz and fixed[unknown]:
+                continue
+            by = row[column == unknown]
+            by = by[by < len(narrow)]
+            touched = when[by[narrow[by]]]
+            low, high = (int(touched.min()), int(touched.max())) if len(touched) else (0, 0)
+            mine = np.append(unknown, np.arange(copies, copies + high - low))
+            copies += high - low
+            when[unknown] = low
+            when = np.append(when, np.arange(low + 1, high + 1))
+            for index, other in ((row, column), (column, row)):
+                here = (index == unknown) & (other < len(shared))
+                here[here] = ~shared[other[here]]
+                index[here] = mine[np.clip(when[other[here]] - low, 0, high - low)]
+            links.append((mine[:-1], mine[1:], np.arange(low + 1, high + 1)))
+        before, after, at = (np.concatenate([np.zeros(0, dtype=int), *(link[i] for link in links)]) for i in range(3))
+        joint = copies + np.arange(len(before))
+        row = np.concatenate([row, joint, joint, before, after])
+        column = np.concatenate([column, before, after, joint, joint])
+        when = np.append(when, at)
+        self.keep = np.append(np.flatnonzero(~fixed), nz + np.arange(k))
+        self.sizes, self.fixed = (nz, k, ng), fixed
+        alive = np.ones(len(when), dtype=bool)
+        alive[:nz] = ~fixed
+        order = np.argsort(when[alive], kind="stable")
+        self.order = np.flatnonzero(alive)[order]
+        rank = np.full(len(when), -1)
+        rank[self.order] = np.arange(len(self.order))
+        row, column = rank[row], rank[column]
+        self.chosen = (row >= 0) & (column >= 0)
+        self.total = len(when)
+        keys, self.places = np.unique(column[self.chosen] * len(order) + row[self.chosen], return_inverse=True)
+        starts = np.searchsorted(keys, len(order) * np.arange(len(order) + 1))
+        self.row, self.column = keys % len(order), keys // len(order)
+        self.pattern = ca.Sparsity(len(order), len(order), starts.tolist(), self.row.tolist())
+        self.upper, self.links = upper, len(before)
+        self.solver = ca.Linsol("kkt", "qr", self.pattern)
+
+    def factorise(self, hessian: ca.DM, jacobian: ca.DM, stiffness: Array) -> Factors:
+        """Return what solves the conditions for given values; only the last factors are valid.
+
+        Args:
+            hessian: (nz, nz) upper triangle.
+            jacobian: (ng, nz).
+            stiffness: (nz + k,) added to the diagonal; rows and columns are scaled by its root.
+        """
+        scale = np.ones(self.total)
+        scale[: len(stiffness)] = 1.0 / np.sqrt(np.maximum(stiffness, 1.0))
+        scale = scale[self.order]
+        h, j = (np.array(matrix.nz[:]).ravel() for matrix in (hessian, jacobian))
+        (_, k, ng), ones = self.sizes, np.ones(self.links)
+        parts = [h, h[self.upper], j, j, -np.ones(2 * k), stiffness]
+        matrices: list[ca.DM] = []
+        for shift in (DEPENDENT, 0.0):
+            values = np.concatenate([*parts, np.full(ng, -shift), ones, -ones, ones, -ones])[self.chosen]
+            entries = np.bincount(self.places, values, self.pattern.nnz()) * scale[self.row] * scale[self.column]
+            matrices.append(ca.DM(self.pattern, ca.DM(entries)))
+        self.solver.nfact(matrices[0])
+        return Factors(self, matrices[0], matrices[1], scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """Factors of the linearised conditions at one place, scaled."""
+
+    conditions: Conditions
+    shifted: ca.DM
+    matrix: ca.DM
+    scale: Array
+
+    def solve(self, right: Array) -> tuple[Array, float]:
+        """Return Z and y, (nz + k + ng, c), zero where fixed, for right-hand sides of that shape, and the residual.
+
+        The residual is the share of the largest right-hand side that is left after refinement; it stays where rows
+        that depend on each other contradict each other.
+        """
+        order, count = self.conditions.order, sum(self.conditions.sizes)
+        known = order < count
+        b = np.zeros((len(order), right.shape[1]))
+        b[known] = right[order[known]]
+        found, left = self._refined(b * self.scale[:, None])
+        full = np.zeros((count, right.shape[1]))
+        full[order[known]] = (found * self.scale[:, None])[known]
+        return full, left
+
+    def ambiguity(self) -> float:
+        """Return by how much a random Z is missed when looked for again: small if it is determined."""
+        random = np.random.default_rng(0).normal(size=(len(self.scale), 1))
+        found, _ = self._refined(np.array(self.matrix @ random))
+        unknowns = self.conditions.order < self.conditions.sizes[0]
+        return float(np.nan_to_num(np.max(np.abs(found - random)[unknowns], initial=0.0), nan=np.inf))
+
+    def _refined(self, b: Array) -> tuple[Array, float]:
+        solver, size = self.conditions.solver, np.max(np.abs(b), initial=1e-300)
+        found, left = np.array(solver.solve(self.shifted, b)), np.inf
+        for _ in range(REFINEMENTS):
+            missing = b - np.array(self.matrix @ found)
+            left = float(np.max(np.abs(missing), initial=0.0) / size)
+            if not np.isfinite(left) or left < 1e-15:
+                break
+            found = found + np.array(solver.solve(self.shifted, missing))
+        return found, left
