@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.kkt import Conditions, Evaluation, evaluate
+from ocp.kkt import Conditions, Evaluation, conditions, evaluate
 from ocp.programme import Programme
 
 Array = np.ndarray
@@ -90,10 +90,14 @@ def start(
         duals = np.minimum(duals, np.maximum(np.abs(net), np.sqrt(FIRST)))
     duals[np.isinf(gaps)] = 0.0
     first = Optimum(z, np.zeros(len(g)) if y is None else y, s, w, gaps, duals, fixed, rows, np.inf)
-    here, conditions = evaluate(programme, z, s, first.y), Conditions(programme, fixed, rows)
-    factors = conditions.factorise(0.0 * here.hessian, here.jacobian, np.ones(len(there)))
-    found, _ = factors.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])
-    return conditions, replace(first, y=first.y + found[len(there) :, 0])
+    matrix = conditions(programme, fixed, rows)
+    if y is not None:
+        return matrix, first
+    # Multipliers that are not known are those that leave the least open.
+    here = evaluate(programme, z, s, first.y)
+    linear = matrix.at(0.0 * here.hessian, here.jacobian, np.ones(len(there)))
+    found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None], 1)[0]
+    return matrix, replace(first, y=found[len(there) :, 0])
 
 
 def _stationary(here: Evaluation, at: Optimum) -> Array:
@@ -101,7 +105,7 @@ def _stationary(here: Evaluation, at: Optimum) -> Array:
     return np.asarray(slope - at.duals[0] + at.duals[1])
 
 
-def settle(programme: Programme, bounds: Bounds, conditions: Conditions, at: Optimum) -> Optimum:
+def settle(programme: Programme, bounds: Bounds, matrix: Conditions, at: Optimum) -> Optimum:
     """Follow the central path from a solution to the root of the conditions, mu -> 0, by Newton's method.
 
     Args:
@@ -116,7 +120,7 @@ def settle(programme: Programme, bounds: Bounds, conditions: Conditions, at: Opt
         stationary = _stationary(here, at)
         missed = here.g - rhs
         missed[at.rows] -= at.w
-        error = max(np.max(np.abs(stationary[conditions.keep])), np.max(np.abs(missed)))
+        error = max(np.max(np.abs(stationary[matrix.keep])), np.max(np.abs(missed)))
         product = float(np.max(at.products, initial=0.0))
         at = replace(at, error=float(max(error, product)))
         if error < CONVERGED and product <= 10.0 * LAST:
@@ -125,8 +129,8 @@ def settle(programme: Programme, bounds: Bounds, conditions: Conditions, at: Opt
             mu = max(min(mu, product) ** 1.5, LAST)
         pull = np.where(np.isfinite(at.gaps), mu / at.gaps - at.duals, 0.0)
         right = -stationary + pull[0] - pull[1]
-        factors = conditions.factorise(here.hessian, here.jacobian, at.stiffness.sum(axis=0))
-        found = factors.solve(np.append(right, -missed)[:, None])[0][:, 0]
+        linear = matrix.at(here.hessian, here.jacobian, at.stiffness.sum(axis=0))
+        found = linear.solve(np.append(right, -missed)[:, None])[0][:, 0]
         if not np.all(np.isfinite(found)):
             break
         step = found[: len(right)]

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from ocp.layout import Layout
 from ocp.programme import Programme
 
 Array = np.ndarray
 DEPENDENT = 1e-11  # taken off the diagonal of the rows, so that rows may depend on each other; refined away
-REFINEMENTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,26 @@ class Evaluation:
     g: Array  # (ng,)
     jacobian: ca.DM  # (ng, nz)
     hessian: ca.DM  # (nz, nz) upper triangle, of the Lagrangian
+
+
+def conditions(programme: Programme, fixed: Array, rows: Array) -> Conditions:
+    """Return the linearised conditions of a programme, kept for its other solutions.
+
+    Args:
+        programme: transcribed.
+        fixed: (nz,) whether an unknown has one value only.
+        rows: (k,) numbers of the rows that have limits.
+    """
+    functions = programme.derivatives["hess_lag"], programme.derivatives["jac_g"]
+    return _conditions(functions, programme.layout, len(programme.grid), fixed.tobytes(), tuple(rows.tolist()))
+
+
+@functools.lru_cache(maxsize=16)
+def _conditions(
+    functions: tuple[ca.Function, ca.Function], layout: Layout, elements: int, fixed: bytes, rows: tuple[int, ...]
+) -> Conditions:
+    patterns = functions[0].sparsity_out(0), functions[1].sparsity_out(1)
+    return Conditions(patterns, layout, elements, np.frombuffer(fixed, dtype=bool), np.array(rows, dtype=int))
 
 
 def evaluate(programme: Programme, z: Array, s: Array, y: Array) -> Evaluation:
@@ -39,15 +60,15 @@ class Conditions:
     with the copies linked in a chain. In the order of time the matrix is then banded.
     """
 
-    def __init__(self, programme: Programme, fixed: Array, rows: Array) -> None:
-        layout, elements = programme.layout, len(programme.grid)
-        nz, ng, k = layout.size, programme.rows, len(rows)
+    def __init__(
+        self, patterns: tuple[ca.Sparsity, ca.Sparsity], layout: Layout, elements: int, fixed: Array, rows: Array
+    ) -> None:
+        nz, ng, k = layout.size, patterns[1].size1(), len(rows)
         place = np.zeros(nz, dtype=int)
         for number in range(elements):
             place[layout.state[number]] = place[layout.control[number]] = number
         shared = np.zeros(nz + k + ng, dtype=bool)
         shared[layout.horizon] = shared[layout.free] = True
-        patterns = (programme.derivatives[name].sparsity_out(i) for name, i in (("hess_lag", 0), ("jac_g", 1)))
         (h_row, h_column), (j_row, j_column) = (np.array(p.get_triplet(), dtype=np.int64).reshape(2, -1)
                                                 for p in patterns)  # fmt: skip
         upper = h_row != h_column
@@ -105,8 +126,8 @@ class Conditions:
         self.upper, self.links = upper, len(before)
         self.solver = ca.Linsol("kkt", "qr", self.pattern)
 
-    def factorise(self, hessian: ca.DM, jacobian: ca.DM, stiffness: Array) -> Factors:
-        """Return what solves the conditions for given values; only the last factors are valid.
+    def at(self, hessian: ca.DM, jacobian: ca.DM, stiffness: Array) -> Linearised:
+        """Return the conditions with their values.
 
         Args:
             hessian: (nz, nz) upper triangle.
@@ -118,54 +139,55 @@ class Conditions:
         scale = scale[self.order]
         h, j = (np.array(matrix.nz[:]).ravel() for matrix in (hessian, jacobian))
         (_, k, ng), ones = self.sizes, np.ones(self.links)
-        parts = [h, h[self.upper], j, j, -np.ones(2 * k), stiffness]
-        matrices: list[ca.DM] = []
-        for shift in (DEPENDENT, 0.0):
-            values = np.concatenate([*parts, np.full(ng, -shift), ones, -ones, ones, -ones])[self.chosen]
-            entries = np.bincount(self.places, values, self.pattern.nnz()) * scale[self.row] * scale[self.column]
-            matrices.append(ca.DM(self.pattern, ca.DM(entries)))
-        self.solver.nfact(matrices[0])
-        return Factors(self, matrices[0], matrices[1], scale)
+        parts = [h, h[self.upper], j, j, -np.ones(2 * k), stiffness, np.full(ng, -DEPENDENT), ones, -ones, ones, -ones]
+        values = np.bincount(self.places, np.concatenate(parts)[self.chosen], self.pattern.nnz())
+        values *= scale[self.row] * scale[self.column]
+        shift = np.zeros(sum(self.sizes))
+        shift[-ng:] = DEPENDENT
+        known = self.order < len(shift)
+        shifts = np.zeros((len(self.order), 1))
+        shifts[known, 0] = shift[self.order[known]]
+        return Linearised(self, ca.DM(self.pattern, ca.DM(values)), scale, shifts)
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
-    """Factors of the linearised conditions at one place, scaled."""
+class Linearised:
+    """The linearised conditions at one place, scaled."""
 
     conditions: Conditions
-    shifted: ca.DM
     matrix: ca.DM
     scale: Array
+    shift: Array  # what the diagonal lacks
 
-    def solve(self, right: Array) -> tuple[Array, float]:
-        """Return Z and y, (nz + k + ng, c), zero where fixed, for right-hand sides of that shape, and the residual.
+    def solve(self, right: Array, refinements: int = 0) -> tuple[Array, Array, float]:
+        """Solve for right-hand sides (nz + k + ng, c); fixed unknowns do not move.
 
-        The residual is the share of the largest right-hand side that is left after refinement; it stays where rows
-        that depend on each other contradict each other.
+        Returns:
+            Z and y, (nz + k + ng, c).
+            (c,) residuals, shares of the right-hand sides; they stay where rows that depend on each other contradict
+            each other. NaN without refinements.
+            By how much random unknowns are missed when looked for again: small if the unknowns are determined.
         """
         order, count = self.conditions.order, sum(self.conditions.sizes)
         known = order < count
-        b = np.zeros((len(order), right.shape[1]))
-        b[known] = right[order[known]]
-        found, left = self._refined(b * self.scale[:, None])
+        b = np.zeros((len(order), right.shape[1] + 1))
+        b[known, :-1] = right[order[known]]
+        b *= self.scale[:, None]
+        random = np.random.default_rng(0).normal(size=len(order))
+        b[:, -1] = self._product(random[:, None])[:, 0]
+        size = np.max(np.abs(b), axis=0, initial=1e-300)
+        # A call factorises and solves; refinements are for the shift and for rounding.
+        solver, left = self.conditions.solver, np.full(len(size), np.nan)
+        found = np.array(solver.solve(self.matrix, b if refinements else b[:, :-1]))
+        for _ in range(refinements):
+            found = found + np.array(solver.solve(self.matrix, b - self._product(found)))
+            left = np.max(np.abs(b - self._product(found)), axis=0) / size
         full = np.zeros((count, right.shape[1]))
-        full[order[known]] = (found * self.scale[:, None])[known]
-        return full, left
+        full[order[known]] = (found[:, : right.shape[1]] * self.scale[:, None])[known]
+        if not refinements:
+            return full, left[:-1], np.nan
+        missed = np.abs(found[:, -1] - random)[order < self.conditions.sizes[0]]
+        return full, left[:-1], float(np.nan_to_num(np.max(missed, initial=0.0), nan=np.inf))
 
-    def ambiguity(self) -> float:
-        """Return by how much a random Z is missed when looked for again: small if it is determined."""
-        random = np.random.default_rng(0).normal(size=(len(self.scale), 1))
-        found, _ = self._refined(np.array(self.matrix @ random))
-        unknowns = self.conditions.order < self.conditions.sizes[0]
-        return float(np.nan_to_num(np.max(np.abs(found - random)[unknowns], initial=0.0), nan=np.inf))
-
-    def _refined(self, b: Array) -> tuple[Array, float]:
-        solver, size = self.conditions.solver, np.max(np.abs(b), initial=1e-300)
-        found, left = np.array(solver.solve(self.shifted, b)), np.inf
-        for _ in range(REFINEMENTS):
-            missing = b - np.array(self.matrix @ found)
-            left = float(np.max(np.abs(missing), initial=0.0) / size)
-            if not np.isfinite(left) or left < 1e-15:
-                break
-            found = found + np.array(solver.solve(self.shifted, missing))
-        return found, left
+    def _product(self, columns: Array) -> Array:
+        return np.asarray(np.array(ca.mtimes(self.matrix, columns)) + self.shift * columns)

@@ -17,6 +17,7 @@ from ocp.kkt import Conditions, evaluate
 from ocp.programme import Programme
 
 Array = np.ndarray
+REFINEMENTS = 2
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
 STIFF = 1e12  # of a limit that is held
 WEAK = 1e-7  # distance and multiplier (share of the largest) below which a limit is only just met
@@ -125,14 +126,15 @@ def differentiate(
     reason, kept = "", False
     for kept in (False, True) if weak.any() else (False,):
         stiffness = np.where(weak, STIFF if kept else 0.0, at.stiffness).sum(axis=0)
-        factors = conditions.factorise(here.hessian, here.jacobian, stiffness)
-        if factors.ambiguity() < AMBIGUOUS:
+        linear = conditions.at(here.hessian, here.jacobian, stiffness)
+        found, left, ambiguity = linear.solve(right, REFINEMENTS)
+        if ambiguity < AMBIGUOUS:
             break
     else:
         reason = "the optimum is not isolated: other motions cost the same to second order"
-    found, left = factors.solve(right)
     step = found[: nz + len(rows)] + known
-    if not reason and left > CONTRADICTION:
+    unique = bool(np.all(left <= CONTRADICTION))
+    if not reason and not unique:
         reason = "active limits depend on each other, and a change moves them apart"
     slope = here.gradient + np.array(ca.mtimes(here.jacobian.T, at.y)).ravel()
     cost = envelope(bounds, at, directions, slope) + change[-1] + at.y @ change[nz:-1]
@@ -142,7 +144,6 @@ def differentiate(
     moves = np.where(side[:, None] == 0, step[place] - low[place], high[place] - step[place])
     if kept:
         moves = -moves * STIFF
-    unique = left <= CONTRADICTION
     if reason:
         step = np.full_like(step, np.nan)
         cost = cost if unique else np.full_like(cost, np.nan)

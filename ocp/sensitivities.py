@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.central_path import settle, start
+from ocp.central_path import Optimum, settle, start
 from ocp.kkt import Conditions
 from ocp.perturbation import Derivative, Direction, differentiate
 from ocp.prices import Price, prices
@@ -39,10 +40,10 @@ class Sensitivity:
         switching: name -> (A - 1,) of the times between the arcs of `solution.structure` [s/unit]; None if the
             solution is not polished.
         valid: name -> (for a smaller number, for a larger one): on which sides the derivative holds; both as a rule.
-        limits: what every active limit and condition costs, by the multipliers.
         notes: sentences about what is one-sided, not determined or not accurate.
         variations: name -> of the motion.
         seconds: wall clock.
+        reconstruction, root: the solution as unknowns of its programme, and the root of its conditions of optimality.
     """
 
     solution: Solution
@@ -52,11 +53,21 @@ class Sensitivity:
     free: Mapping[str, Mapping[str, float]]
     switching: Mapping[str, Array] | None
     valid: Mapping[str, tuple[bool, bool]]
-    limits: tuple[Price, ...]
     notes: tuple[str, ...]
     variations: Mapping[str, Variation]
-    problem: Problem
     seconds: float
+    reconstruction: Reconstruction
+    root: Optimum
+
+    @functools.cached_property
+    def limits(self) -> tuple[Price, ...]:
+        """What every active limit and condition costs, d cost / d limit, by the multipliers."""
+        return prices(self.reconstruction, self.root)
+
+    @property
+    def problem(self) -> Problem:
+        """What the solution solves."""
+        return self.reconstruction.problem
 
     def x(self, t: Array | float, held: Held = Held.SHARE) -> dict[str, Array]:
         """Return name -> derivative of the state at times t, (K, nx), or (nx,) for a scalar."""
@@ -202,8 +213,8 @@ def sensitivity(
     }
     costs = {name: float(c) for name, c in zip(everything, found.cost, strict=True)}
     return Sensitivity(
-        solution, everything, duration, costs, free, switching, valid, prices(here, at), tuple(notes), variations,
-        problem, time.perf_counter() - begun,
+        solution, everything, duration, costs, free, switching, valid, tuple(notes), variations,
+        time.perf_counter() - begun, here, at,
     )  # fmt: skip
 
 
