@@ -19,6 +19,7 @@ from ocp.programme import Programme
 Array = np.ndarray
 REFINEMENTS = 2
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
+NOTHING = 1e-9  # share of the cost that counts as no change of it
 STIFF = 1e12  # of a limit that is held
 WEAK = 1e-7  # distance and multiplier (share of the largest) below which a limit is only just met
 
@@ -68,7 +69,7 @@ class Derivative:
     """How an optimum changes along directions.
 
     Args:
-        z: (nz, c) change of the unknowns; NaN where it is not determined.
+        z, y: (nz, c), (ng, c) changes of the unknowns, NaN where they are not determined, and of the row's multipliers.
         cost: (c,) change of the cost, by the multipliers.
         gap: (c,) by how much the change of the unknowns gives another change of the cost, relative.
         met: (l,) numbers of the limits, among 2 (nz + k), that are only just met.
@@ -78,6 +79,7 @@ class Derivative:
     """
 
     z: Array
+    y: Array
     cost: Array
     gap: Array
     met: Array
@@ -139,7 +141,8 @@ def differentiate(
     slope = here.gradient + np.array(ca.mtimes(here.jacobian.T, at.y)).ravel()
     cost = envelope(bounds, at, directions, slope) + change[-1] + at.y @ change[nz:-1]
     primal = here.gradient @ step[:nz] + change[-1]
-    size = np.maximum(np.abs(cost), np.abs(here.gradient) @ np.abs(step[:nz])) + 1e-300
+    rounding = NOTHING * float(np.abs(here.gradient) @ np.abs(at.z))
+    size = np.maximum(np.abs(cost), np.abs(here.gradient) @ np.abs(step[:nz])) + rounding
     side, place = np.nonzero(weak)
     moves = np.where(side[:, None] == 0, step[place] - low[place], high[place] - step[place])
     if kept:
@@ -147,7 +150,9 @@ def differentiate(
     if reason:
         step = np.full_like(step, np.nan)
         cost = cost if unique else np.full_like(cost, np.nan)
-    return Derivative(step[:nz], cost, np.abs(primal - cost) / size, np.flatnonzero(weak), moves, reason, unique)
+    return Derivative(
+        step[:nz], found[len(step) :], cost, np.abs(primal - cost) / size, np.flatnonzero(weak), moves, reason, unique
+    )
 
 
 def envelope(bounds: Bounds, at: Optimum, directions: tuple[Direction, ...], slope: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -85,6 +86,16 @@ class Reconstruction:
                 shift = (limits[number].at(side) - posed.limits[number].at(side)) / tie.condition.size[0]
                 found[2][rows[:, :, 0]] = found[3][rows[:, :, 0]] = shift
         return head, found
+
+    def touches(self) -> Iterator[tuple[str, int, int]]:
+        """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
+        ties = zip(self.posed.ties, self.programme.conditions, strict=True) if self.posed else ()
+        for tie, rows in ties:
+            assert self.posed is not None
+            if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:
+                name = self.posed.limits[tie.contact.limit].label.name
+                side = "upper" if tie.contact.side > 0 else "lower"
+                yield f"the touch of {name} with its {side} limit", int(rows[0, 0, 0]), tie.contact.side
 
     def where(self, number: int) -> str:
         """Return what a limit is called, by its number among the lower, then the upper ones of unknowns and rows."""

@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.central_path import Optimum, settle, start
-from ocp.kkt import Conditions
-from ocp.perturbation import Derivative, Direction, differentiate
+from ocp.perturbation import WEAK, Derivative, Direction, differentiate
 from ocp.prices import Price, prices
 from ocp.problem import Problem
 from ocp.reconstruction import Reconstruction, reconstruct
@@ -190,9 +189,7 @@ def sensitivity(
         name: _variation(here, found.z[:, c], direction)
         for c, (name, direction) in enumerate(zip(everything, directions, strict=True))
     }
-    valid, notes = _sides(here, conditions, found, everything)
-    if found.reason:
-        notes.append(f"no derivative of the motion: {found.reason}")
+    valid, notes = _sides(here, found, everything, at)
     if at.error > OPEN:
         notes.append(f"conditions of optimality open by {at.error:.1e}; solve with a smaller tol")
     for c, name in enumerate(everything):
@@ -267,19 +264,28 @@ def _variation(here: Reconstruction, change: Array, direction: Direction) -> Var
 
 
 def _sides(
-    here: Reconstruction, conditions: Conditions, found: Derivative, names: tuple[str, ...]
+    here: Reconstruction, found: Derivative, names: tuple[str, ...], at: Optimum
 ) -> tuple[dict[str, tuple[bool, bool]], list[str]]:
     """Return on which sides derivatives hold, and sentences about those that do not on both."""
+    if found.reason:
+        words = f"no derivative of the motion: {found.reason}"
+        return dict.fromkeys(names, (False, False)), [words]
     valid, notes = {}, []
     largest = np.max(np.abs(found.z), axis=0, initial=0.0)
+    limits = [here.where(int(number)) for number in found.met]
+    every = found.moves
+    for limit, row, side in here.touches():
+        if abs(at.y[row]) < WEAK * max(1.0, float(np.max(np.abs(at.y)))):
+            limits.append(limit)
+            every = np.vstack([every, side * found.y[row]])
     for c, name in enumerate(names):
-        moves = found.moves[:, c] / (largest[c] or 1.0)
+        moves = every[:, c] / (largest[c] or 1.0)
         sides = not np.any(moves > STILL), not np.any(moves < -STILL)
         valid[name] = sides
         if all(sides):
             continue
-        which = dict.fromkeys(here.where(int(number)) for number in found.met[np.abs(moves) > STILL])
-        what = ", ".join(list(which)[:3]) + (f" and {len(which) - 3} more" if len(which) > 3 else "")
+        which = list(dict.fromkeys(limits[number] for number in np.flatnonzero(np.abs(moves) > STILL)))
+        what = ", ".join(which[:3]) + (f" and {len(which) - 3} more" if len(which) > 3 else "")
         holds = {(True, False): "smaller values only", (False, True): "larger values only", (False, False): "no side"}
         notes.append(f"{name}: {what} only just met, without a multiplier; the derivative holds for {holds[sides]}")
     return valid, notes
