@@ -104,9 +104,9 @@ class Conditions:
                 index[here] = mine[np.clip(when[other[here]] - low, 0, high - low)]
             links.append((mine[:-1], mine[1:], np.arange(low + 1, high + 1)))
         before, after, at = (np.concatenate([np.zeros(0, dtype=int), *(link[i] for link in links)]) for i in range(3))
-        joint = copies + np.arange(len(before))
-        row = np.concatenate([row, joint, joint, before, after])
-        column = np.concatenate([column, before, after, joint, joint])
+        bond = copies + np.arange(len(before))
+        row = np.concatenate([row, bond, bond, before, after])
+        column = np.concatenate([column, before, after, bond, bond])
         when = np.append(when, at)
         self.keep = np.append(np.flatnonzero(~fixed), nz + np.arange(k))
         self.sizes, self.fixed = (nz, k, ng), fixed

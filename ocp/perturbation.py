@@ -21,7 +21,7 @@ REFINEMENTS = 2
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
 NOTHING = 1e-9  # share of the cost that counts as no change of it
 STIFF = 1e12  # of a limit that is held
-WEAK = 1e-7  # distance and multiplier (share of the largest) below which a limit is only just met
+WEAK = 1e-7  # distance and multiplier (share of the largest one or slope) below which a limit is only just met
 
 
 @functools.lru_cache(maxsize=16)
@@ -123,8 +123,8 @@ def differentiate(
 
     true = np.maximum(np.array([np.append(at.z, at.w) - np.append(bounds[0], bounds[2][rows]),
                                 np.append(bounds[1], bounds[3][rows]) - np.append(at.z, at.w)]), 0.0)  # fmt: skip
-    largest = float(np.max(at.duals, initial=0.0))
-    weak = (true < WEAK) & (at.duals <= WEAK * max(largest, 1e-300)) & np.isfinite(at.gaps)
+    largest = max(float(np.max(np.abs(part), initial=0.0)) for part in (at.duals, at.y, here.gradient))
+    weak = (true < WEAK) & (at.duals <= WEAK * largest) & np.isfinite(at.gaps)
     reason, kept = "", False
     for kept in (False, True) if weak.any() else (False,):
         stiffness = np.where(weak, STIFF if kept else 0.0, at.stiffness).sum(axis=0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ocp.central_path import Optimum, settle, start
 from ocp.perturbation import WEAK, Derivative, Direction, differentiate
-from ocp.prices import Price, prices
+from ocp.price import Price, prices
 from ocp.problem import Problem
 from ocp.reconstruction import Reconstruction, reconstruct
 from ocp.solution import Solution
