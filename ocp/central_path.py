@@ -96,7 +96,7 @@ def start(
     # Multipliers that are not known are those that leave the least open.
     here = evaluate(programme, z, s, first.y)
     linear = matrix.at(0.0 * here.hessian, here.jacobian, np.ones(len(there)))
-    found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None], 1)[0]
+    found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])[0]
     return matrix, replace(first, y=found[len(there) :, 0])
 
 
@@ -126,7 +126,7 @@ def settle(programme: Programme, bounds: Bounds, matrix: Conditions, at: Optimum
         if error < CONVERGED and product <= 10.0 * LAST:
             break
         if error < 1e3 * mu**0.5:
-            mu = max(min(mu, product) ** 1.5, LAST)
+            mu = max(min(mu, product) ** 2, LAST)
         pull = np.where(np.isfinite(at.gaps), mu / at.gaps - at.duals, 0.0)
         right = -stationary + pull[0] - pull[1]
         linear = matrix.at(here.hessian, here.jacobian, at.stiffness.sum(axis=0))

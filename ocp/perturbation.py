@@ -17,7 +17,7 @@ from ocp.kkt import Conditions, evaluate
 from ocp.programme import Programme
 
 Array = np.ndarray
-REFINEMENTS = 2
+REFINEMENTS = 1
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
 NOTHING = 1e-9  # share of the cost that counts as no change of it
 STIFF = 1e12  # of a limit that is held
