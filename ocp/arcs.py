@@ -107,11 +107,18 @@ def pose_arcs(
     freed = replace(problem, horizon=Free(guess=float(durations.sum())))
     scaling = from_limits(freed, guess, numbers, free_parameters(freed))
     ties = _ties(problem, limits, arcs, arc, scheme, numbers)
-    total = None if isinstance(problem.horizon, Free) else problem.horizon.duration
     near = _near(problem, arcs, arc, scheme, guess, grid, weight)
-    division = Division(arc, tuple(tie.condition for tie in ties), total, near)
+    division = Division(arc, tuple(tie.condition for tie in ties), total_of(problem), near)
     programme = transcribe(freed, scheme, grid, scaling, division)
     return ArcProgramme(programme, limits, arcs, ties, division, widths, numbers)
+
+
+def total_of(problem: Problem) -> tuple[float, float] | None:
+    """Return the limits of the duration, or None if there are none."""
+    horizon = problem.horizon
+    if not isinstance(horizon, Free):
+        return horizon.duration, horizon.duration
+    return (horizon.lower, horizon.upper) if horizon.lower > 0.0 or horizon.upper < np.inf else None
 
 
 def solve_arcs(
@@ -265,7 +272,8 @@ def pinned(
     layout = programme.layout
     lower, upper = (side / programme.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
     low[layout.horizon], high[layout.horizon] = 0.0, np.inf
-    rows_low[programme.total] = rows_high[programme.total] = division.total
+    if division.total is not None:
+        rows_low[programme.total], rows_high[programme.total] = division.total
     rows = {part: place for place, part in enumerate(programme.path_parts)}
     known = np.append(layout.state[0, 0], layout.state[-1, -1])  # conditions at the ends of the motion stay
     for k, a in enumerate(arcs):

@@ -22,6 +22,8 @@ Bounds = tuple[Array, Array, Array, Array]  # lower, upper of the unknowns (nz,)
 FIRST, LAST = 1e-10, 1e-20  # mu at the start and at the end
 STEPS, TO_BOUNDARY = 24, 1.0 - 1e-6
 CONVERGED = 1e-10  # residual of the scaled conditions
+MET, HOLD = 1e-8, 1e12  # distance from a limit that meets it, stiffness of what is held there
+NEAR = 1e-10  # price of a step, so that unknowns that nothing determines stay where they are
 LEAST = 1e-13  # distance from a limit that still counts as one
 
 
@@ -78,26 +80,33 @@ def start(
     g = np.array(programme.derivatives["jac_g"](z, s)[0]).ravel()
     w = np.clip(g[rows], rows_low[rows], rows_high[rows])
     there = np.append(z, w)
-    gaps = np.array([there - np.append(low, rows_low[rows]), np.append(high, rows_high[rows]) - there])
-    net = np.append(limits, np.zeros(len(rows)) if y is None else y[rows])
-    net[: len(z)][fixed] = 0.0
-    floor = LEAST if y is not None else np.sqrt(FIRST)
-    gaps = np.maximum(gaps, floor)
-    gaps[:, : len(z)][:, fixed] = np.inf
-    duals = np.maximum(np.array([-net, net]), FIRST / gaps)
-    if y is not None:
-        # What is at a limit to rounding and has no multiplier is at a distance of the size of mu.
-        duals = np.minimum(duals, np.maximum(np.abs(net), np.sqrt(FIRST)))
-    duals[np.isinf(gaps)] = 0.0
-    first = Optimum(z, np.zeros(len(g)) if y is None else y, s, w, gaps, duals, fixed, rows, np.inf)
+    true = np.array([there - np.append(low, rows_low[rows]), np.append(high, rows_high[rows]) - there])
+    true[:, : len(z)][:, fixed] = np.inf
     matrix = conditions(programme, fixed, rows)
-    if y is not None:
-        return matrix, first
-    # Multipliers that are not known are those that leave the least open.
-    here = evaluate(programme, z, s, first.y)
-    linear = matrix.at(0.0 * here.hessian, here.jacobian, np.ones(len(there)))
-    found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])[0]
-    return matrix, replace(first, y=found[len(there) :, 0])
+    if y is None:
+        # Multipliers that are not known are those that leave the least open, with what is at a limit held there.
+        y, nothing = np.zeros(len(g)), np.zeros(len(there))
+        at_limit = np.min(true, axis=0) < MET
+        here, hold = evaluate(programme, z, s, y), 1.0 + HOLD * at_limit
+        first = Optimum(z, y, s, w, true, np.stack([nothing, nothing]), fixed, rows, np.inf)
+        linear = matrix.at(0.0 * here.hessian, here.jacobian, hold)
+        found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])[0][:, 0]
+        y, net = found[len(there) :], np.where(at_limit, hold * found[: len(there)], 0.0)
+        net[np.abs(net) < MET * np.max(np.abs(y), initial=1.0)] = 0.0
+    else:
+        here = evaluate(programme, z, s, y)
+        slope = here.gradient + np.array(ca.mtimes(here.jacobian.T, y)).ravel()
+        # Of a few unknowns, such as the duration, no multipliers are given.
+        unknown = (limits == 0.0) & (np.min(true[:, : len(z)], axis=0) < MET)
+        net = np.append(np.where(unknown, -slope, limits), y[rows])
+        net[: len(z)][fixed] = 0.0
+    # What is at a limit to rounding and has no multiplier is at a distance of the size of mu.
+    pressed = np.maximum(np.array([-net, net]), 0.0)
+    gaps = np.maximum(true, np.where(pressed > np.sqrt(FIRST), LEAST, np.sqrt(FIRST)))
+    gaps = np.where((pressed <= np.sqrt(FIRST)) & (true > LEAST), np.maximum(true, LEAST), gaps)
+    duals = np.clip(pressed, np.minimum(FIRST / gaps, np.sqrt(FIRST)), np.inf)
+    duals[np.isinf(gaps)] = 0.0
+    return matrix, Optimum(z, y, s, w, gaps, duals, fixed, rows, np.inf)
 
 
 def _stationary(here: Evaluation, at: Optimum) -> Array:
@@ -129,7 +138,7 @@ def settle(programme: Programme, bounds: Bounds, matrix: Conditions, at: Optimum
             mu = max(min(mu, product) ** 2, LAST)
         pull = np.where(np.isfinite(at.gaps), mu / at.gaps - at.duals, 0.0)
         right = -stationary + pull[0] - pull[1]
-        linear = matrix.at(here.hessian, here.jacobian, at.stiffness.sum(axis=0))
+        linear = matrix.at(here.hessian, here.jacobian, at.stiffness.sum(axis=0) + NEAR)
         found = linear.solve(np.append(right, -missed)[:, None])[0][:, 0]
         if not np.all(np.isfinite(found)):
             break

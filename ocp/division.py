@@ -62,13 +62,13 @@ class Division:
     Args:
         arc: (N,) number of the arc of each element, increasing from 0.
         conditions: that hold at chosen places.
-        total: sum of all durations [s], or None if it is free.
+        total: lower and upper limit of the sum of all durations [s], or None if it is free.
         near: prices for leaving references.
     """
 
     arc: Array
     conditions: tuple[Condition, ...] = ()
-    total: float | None = None
+    total: tuple[float, float] | None = None
     near: tuple[Near, ...] = ()
 
     @property

@@ -177,10 +177,10 @@ class Linearised:
         b[:, -1] = self._product(random[:, None])[:, 0]
         size = np.max(np.abs(b), axis=0, initial=1e-300)
         # A call factorises and solves; refinements are for the shift and for rounding.
-        solver, left = self.conditions.solver, np.full(len(size), np.nan)
-        found = np.array(solver.solve(self.matrix, b if refinements else b[:, :-1]))
+        left = np.full(len(size), np.nan)
+        found = self._solved(b if refinements else b[:, :-1])
         for _ in range(refinements):
-            found = found + np.array(solver.solve(self.matrix, b - self._product(found)))
+            found = found + self._solved(b - self._product(found))
             left = np.max(np.abs(b - self._product(found)), axis=0) / size
         full = np.zeros((count, right.shape[1]))
         full[order[known]] = (found[:, : right.shape[1]] * self.scale[:, None])[known]
@@ -188,6 +188,12 @@ class Linearised:
             return full, left[:-1], np.nan
         missed = np.abs(found[:, -1] - random)[order < self.conditions.sizes[0]]
         return full, left[:-1], float(np.nan_to_num(np.max(missed, initial=0.0), nan=np.inf))
+
+    def _solved(self, b: Array) -> Array:
+        try:
+            return np.array(self.conditions.solver.solve(self.matrix, b))
+        except RuntimeError:  # exactly singular
+            return np.full_like(b, np.nan)
 
     def _product(self, columns: Array) -> Array:
         return np.asarray(np.array(ca.mtimes(self.matrix, columns)) + self.shift * columns)

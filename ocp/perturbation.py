@@ -20,6 +20,7 @@ Array = np.ndarray
 REFINEMENTS = 1
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
 NOTHING = 1e-9  # share of the cost that counts as no change of it
+LOOSE = 1e-8  # price of a step where nothing determines it
 STIFF = 1e12  # of a limit that is held
 WEAK = 1e-7  # distance and multiplier (share of the largest one or slope) below which a limit is only just met
 
@@ -134,6 +135,8 @@ def differentiate(
             break
     else:
         reason = "the optimum is not isolated: other motions cost the same to second order"
+        # The multipliers still say what the cost does, unless rows contradict each other.
+        found, left, _ = conditions.at(here.hessian, here.jacobian, stiffness + LOOSE).solve(right, REFINEMENTS)
     step = found[: nz + len(rows)] + known
     unique = bool(np.all(left <= CONTRADICTION))
     if not reason and not unique:

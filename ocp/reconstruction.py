@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs import ArcProgramme, pinned, pose_arcs
+from ocp.arcs import ArcProgramme, pinned, pose_arcs, total_of
 from ocp.central_path import Bounds, Optimum
 from ocp.collocation import Scheme
 from ocp.continuation import multipliers
@@ -76,8 +76,7 @@ class Reconstruction:
             replace(limit, lower=float(constraint.lower[c]), upper=float(constraint.upper[c]))
             for limit, (constraint, c) in zip(posed.limits, sides, strict=True)
         )
-        total = problem.horizon.duration if isinstance(problem.horizon, Fixed) else None
-        division = replace(posed.division, total=total)
+        division = replace(posed.division, total=total_of(problem))
         found = pinned(problem, replace(posed.programme, problem=problem), posed.arcs, limits, division)
         for tie, rows in zip(posed.ties, posed.programme.conditions, strict=True):
             number, side = tie.contact.limit, tie.contact.side

@@ -269,7 +269,7 @@ def _sides(
     """Return on which sides derivatives hold, and sentences about those that do not on both."""
     if found.reason:
         words = f"no derivative of the motion: {found.reason}"
-        return dict.fromkeys(names, (False, False)), [words]
+        return dict.fromkeys(names, (found.unique, found.unique)), [words]
     valid, notes = {}, []
     largest = np.max(np.abs(found.z), axis=0, initial=0.0)
     limits = [here.where(int(number)) for number in found.met]

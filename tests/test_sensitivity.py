@@ -212,6 +212,19 @@ def test_fastest_speed_that_is_only_just_a_limit_is_told():
     assert found.cost["limit"] == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
+def test_limit_of_the_duration_is_kept(finish):
+    # T + c, c ~ m^2 / T^3, with T at its upper limit; polished to the last digit, not shorter or longer.
+    def hurried(longest):
+        return replace(cheapest(), horizon=Free(1.0, upper=longest), minimise=ocp.Bolza(time=1.0, running=u**2 / 20))
+
+    solution = finish(solve(hurried(0.9), solver=TIGHT))
+    found, effort = sensitivity(solution, toward={"longest": hurried(1.9)}), solution.cost - 0.9
+    assert solution.duration == pytest.approx(0.9, abs=1e-9)
+    assert found.duration["longest"] == pytest.approx(1.0, rel=1e-9)
+    assert dict(found.cost) == pytest.approx({"m": 2 * effort / M, "longest": 1 - 3 * effort / 0.9}, rel=1e-7)
+
+
 def test_touch_without_a_multiplier_is_told():
     solution = polish(solve(problems.bryson_denham(0.25).problem))
     limits = tuple(replace(c, upper=c.upper + 1) if 0.25 in c.upper else c for c in solution.problem.subject_to)
