@@ -82,6 +82,15 @@ def test_prices_of_limits_are_what_the_cost_does():
 LIMITS = np.array([260.0, 160.0, 3.0, 400.0])
 
 
+def moved(problem, far):
+    """Return the constraints with the first number of the end condition moved."""
+    first = np.eye(4)[0] * far
+    parts = problem.subject_to
+    return tuple(
+        replace(c, lower=c.lower + first, upper=c.upper + first) if c.where.value == "end" else c for c in parts
+    )
+
+
 @cache
 def arm():
     machine = spherical(m_3=Parameter(15.0), s_2=Parameter(0.3))
@@ -202,14 +211,16 @@ def test_limit_that_is_only_just_met_is_told():
     assert found.u(0.0)["way"][0] > 1.0
 
 
-def test_fastest_speed_that_is_only_just_a_limit_is_told():
-    free = solve(cheapest(), solver=TIGHT)
-    top = float(free.states[:, :, 1].max())
-    found = sensitivity(solve(cheapest(fast=top), solver=TIGHT), toward={"limit": cheapest(fast=top + 1)})
-    assert found.valid["m"] == (True, True)  # speeds do not depend on the mass
-    assert found.valid["limit"] == (False, True)
-    assert "x_2 at its upper limit near t = 0.5" in found.notes[0]
-    assert found.cost["limit"] == pytest.approx(0.0, abs=1e-8)
+def test_switch_at_an_end_of_an_element_is_one_sided():
+    # Half way, by symmetry: to one side of the grid the control of the element before changes, to the other the next.
+    problem, step = problems.two_link().problem, 1e-6
+    solution, further = solve(problem, solver=TIGHT), lambda far: replace(problem, subject_to=moved(problem, far))
+    found = sensitivity(solution, toward={"way": further(1.0)})
+    assert found.valid["way"] == (False, True)
+    assert "u_1 at its lower limit near t = 1.491 s" in found.notes[0]
+    larger, smaller = (solve(further(side), solver=TIGHT, guess=solution).duration for side in (step, -step))
+    assert found.duration["way"] == pytest.approx((larger - solution.duration) / step, rel=1e-4)
+    assert found.duration["way"] != pytest.approx((solution.duration - smaller) / step, rel=1e-2)
 
 
 @pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
@@ -236,9 +247,7 @@ def test_touch_without_a_multiplier_is_told():
 def test_limits_that_depend_on_each_other_have_no_derivative():
     # Two equal axes: a longer way of one alone takes longer, a shorter one changes nothing.
     problem = problems.double_integrator_2d().problem
-    ends = [replace(c, lower=c.lower + np.eye(4)[0], upper=c.upper + np.eye(4)[0]) if c.where.value == "end" else c
-            for c in problem.subject_to]  # fmt: skip
-    found = sensitivity(solve(problem), toward={"way": replace(problem, subject_to=tuple(ends))})
+    found = sensitivity(solve(problem), toward={"way": replace(problem, subject_to=moved(problem, 1.0))})
     assert np.isnan(found.duration["way"])
     assert np.isnan(found.cost["way"])
     assert found.valid["way"] == (False, False)
@@ -258,12 +267,8 @@ def test_every_scheme_against_differences(scheme):
     assert found.duration["duration"] == pytest.approx(1.0)
     share = np.array([0.03, 0.29, 0.61, 0.97])
     for name in ("m", "duration"):
-        one, other = (
-            prepared(solution, {"m": M + s})
-            if name == "m"
-            else prepared(solution, None, cheapest(1.2 + s, system=SWING))
-            for s in (step, -step)
-        )
+        tasks = ((s * (name == "m"), cheapest(1.2 + s * (name != "m"), system=SWING)) for s in (step, -step))
+        one, other = (prepared(solution, {"m": M + s}, task) for s, task in tasks)
         assert found.cost[name] == pytest.approx((one.cost - other.cost) / (2 * step), rel=1e-6)
         for signal in ("x", "u"):
             change = one.signal(signal, share * one.duration) - other.signal(signal, share * other.duration)
