@@ -217,7 +217,10 @@ def sensitivity(
 
 def _checked(solution: Solution, problem: Problem | None) -> Problem:
     if not isinstance(solution, Solution):
-        raise TypeError(f"sensitivity: got {solution!r}, expected a Solution of a Problem; sequences are not supported")
+        kind = type(solution).__name__
+        raise TypeError(
+            f"sensitivity: got a {kind}, expected a Solution; the phases of a sequence are Problems to solve"
+        )
     problem = problem or solution.problem
     if problem is None:
         raise ValueError("sensitivity: this solution was loaded without its model; pass problem=...")
