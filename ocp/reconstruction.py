@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs import ArcProgramme, pinned, pose_arcs, total_of
+from ocp.arcprogramme import ArcProgramme, pose_arcs
+from ocp.arcs import arc_problem
 from ocp.central_path import Bounds, Optimum
 from ocp.collocation import Scheme
 from ocp.continuation import multipliers
@@ -20,7 +21,6 @@ from ocp.problem import Fixed, Problem
 from ocp.programme import Programme, bounds
 from ocp.scaling import Scaling, from_limits
 from ocp.solution import Solution
-from ocp.statelimit import state_limits
 from ocp.transcription import free_parameters, transcribe
 
 Array = np.ndarray
@@ -70,21 +70,7 @@ class Reconstruction:
             if isinstance(problem.horizon, Fixed):
                 head[-1] = problem.horizon.duration
             return head, bounds(replace(self.programme, problem=problem))
-        posed = self.posed
-        sides = [(problem.subject_to[limit.constraint], limit.component) for limit in posed.limits]
-        limits = tuple(
-            replace(limit, lower=float(constraint.lower[c]), upper=float(constraint.upper[c]))
-            for limit, (constraint, c) in zip(posed.limits, sides, strict=True)
-        )
-        division = replace(posed.division, total=total_of(problem))
-        found = pinned(problem, replace(posed.programme, problem=problem), posed.arcs, limits, division)
-        for tie, rows in zip(posed.ties, posed.programme.conditions, strict=True):
-            number, side = tie.contact.limit, tie.contact.side
-            # The values of conditions stand in the graph, those of derivatives are zero whatever the limit.
-            if not tie.along or posed.limits[number].order == 0:
-                shift = (limits[number].at(side) - posed.limits[number].at(side)) / tie.condition.size[0]
-                found[2][rows[:, :, 0]] = found[3][rows[:, :, 0]] = shift
-        return head, found
+        return head, self.posed.adapted(problem, self.posed.task.numbers).sides()
 
     def touches(self) -> Iterator[tuple[str, int, int]]:
         """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
@@ -92,7 +78,7 @@ class Reconstruction:
         for tie, rows in ties:
             assert self.posed is not None
             if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:
-                name = self.posed.limits[tie.contact.limit].label.name
+                name = self.posed.task.limits[tie.contact.limit].label.name
                 side = "upper" if tie.contact.side > 0 else "lower"
                 yield f"the touch of {name} with its {side} limit", int(rows[0, 0, 0]), tie.contact.side
 
@@ -155,17 +141,12 @@ def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reco
     middles = (solution.grid.ends[:-1] + solution.grid.widths / 2.0) * solution.duration
     arc = np.minimum(np.searchsorted(np.cumsum(durations), middles), len(durations) - 1)
     elements = tuple(np.bincount(arc, minlength=len(durations)).tolist())
-    posed = pose_arcs(
-        problem, state_limits(problem), structure.arcs, elements, solution.scheme, from_solution(solution),
-        solution.values,
-    )  # fmt: skip
-    programme = posed.programme
-    z = _unknowns(solution, programme)
-    z[programme.layout.horizon] = durations / programme.scaling.horizon
-    found = pinned(problem, programme, posed.arcs, posed.limits, posed.division)
+    task = arc_problem(problem, solution.scheme, solution.values)
+    posed = pose_arcs(task, structure.arcs, elements, from_solution(solution))
+    shares = 1.0 / np.repeat(elements, elements)
     return Reconstruction(
-        programme, problem, found, z, np.append(numbers, posed.widths), None, np.zeros(len(z)), np.array(numbers),
-        posed.division.arc, posed.widths, posed, solution.duration,
+        posed.programme, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
+        np.zeros(posed.programme.layout.size), np.array(numbers), posed.division.arc, shares, posed, solution.duration,
     )  # fmt: skip
 
 

@@ -13,10 +13,9 @@ import numpy as np
 from ocp.central_path import Optimum, settle, start
 from ocp.perturbation import WEAK, Derivative, Direction, differentiate
 from ocp.price import Price, prices
-from ocp.problem import Problem
+from ocp.problem import Problem, same_structure
 from ocp.reconstruction import Reconstruction, reconstruct
 from ocp.solution import Solution
-from ocp.solver import same_structure
 from ocp.system import Label
 from ocp.variation import Held, Variation
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -14,6 +15,7 @@ from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.structure import Structure
+from ocp.system import rates
 
 if TYPE_CHECKING:
     from ocp.error import Errors
@@ -212,7 +214,7 @@ class Solution:
         tau = (edges[:-1, None] + np.diff(edges)[:, None] * (nodes + 1.0) / 2.0).ravel()
         shares = (np.diff(edges)[:, None] * weights / 2.0).ravel()
         t, x, rate, u = self.samples(tau)
-        function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
+        function = rates(system).map(len(t))
         p = np.array([self.values[name] for name in system.nominal])[:, None]
         missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
         each = missed.reshape(len(self.grid), len(tau), -1)
@@ -232,9 +234,10 @@ class Solution:
         """
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
-        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
-        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
-        u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
+        states, slopes, controls = _matrices(self.scheme, np.asarray(tau, dtype=float).tobytes())
+        x = np.einsum("sm,kma->ksa", states, self.data)
+        rate = np.einsum("sm,kma->ksa", slopes, self.data / widths[:, None, None])
+        u = np.einsum("sm,kma->ksa", controls, self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
     def locate(self, t: Array) -> tuple[Array, Array]:
@@ -255,3 +258,10 @@ class Solution:
         element, tau = self.locate(times)
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
+
+
+@functools.lru_cache(maxsize=32)
+def _matrices(scheme: Scheme, places: bytes) -> tuple[Array, Array, Array]:
+    """Return the matrices to states, slopes and controls at places on an element; the same few, asked for often."""
+    tau = np.frombuffer(places)
+    return scheme.state_at(tau), scheme.slope_at(tau), scheme.control_at(tau)

@@ -8,10 +8,11 @@ from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from ocp import compilation
 from ocp.collocation import Scheme, radau
+from ocp.compilation import Compilation
 from ocp.continuation import multipliers
 from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
 from ocp.grid import Grid, uniform
@@ -19,7 +20,7 @@ from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
-from ocp.problem import Bolza, Fixed, Problem
+from ocp.problem import Fixed, Problem, same_structure
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
@@ -83,6 +84,11 @@ class Prepared:
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
         """Return the parameter values of every phase, nominal where `values` is silent."""
         return parameter_values(self.problem, values)
+
+    @property
+    def compilations(self) -> tuple[Compilation, ...]:
+        """What came of compiling the functions of every phase; empty if not asked for."""
+        return tuple(made for programme in self.compound.programmes if (made := programme.compilation) is not None)
 
     def on(
         self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
@@ -190,6 +196,7 @@ def prepare(
     solver: Ipopt | None = None,
     guess: Start | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
+    compiled: bool = False,
 ) -> Prepared:
     """Transcribe a problem and build its solver once, for many solves.
 
@@ -200,6 +207,7 @@ def prepare(
         solver: settings.
         guess: sets the magnitudes of the scaling; None for a smooth motion between the ends.
         values: of parameters, for the scaling.
+        compiled: let the functions of an element be machine code (see `ocp.compilation`): for many solves.
 
     Raises:
         TypeError: an argument of the wrong kind.
@@ -217,11 +225,11 @@ def prepare(
     every = parameter_values(problem, values)
     given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
     guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
-    programmes = []
+    programmes, translate = [], compilation.compiled if compiled else None
     for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
         free = free_parameters(phase)
         scaling = from_limits(phase, first, numbers, free) if solver.scaled else unscaled(phase, len(free))
-        programmes.append(transcribe(phase, scheme, grid, scaling))
+        programmes.append(transcribe(phase, scheme, grid, scaling, translate=translate))
     compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
     cold = build(compound.nlp, compound.derivatives, solver, warm=False)
     known = (problem, every, guesses) if given is None else None
@@ -266,29 +274,3 @@ def solve(
 def _fresh(guess: Any) -> bool:
     parts = guess if isinstance(guess, list | tuple) else [guess]
     return all(isinstance(part, Guess) for part in parts)
-
-
-def _same_cost(old: Bolza, new: Bolza) -> bool:
-    parts = (old.running, new.running), (old.final, new.final)
-    return old.time == new.time and all(one is other or ca.is_equal(one, other, 10) for one, other in parts)
-
-
-def same_structure(old: Problem, new: Problem) -> Problem:
-    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
-    same = (
-        new.system is old.system
-        and type(new.horizon) is type(old.horizon)
-        and _same_cost(old.minimise, new.minimise)
-        and len(new.subject_to) == len(old.subject_to)
-        and all(
-            a.where is b.where
-            and a.expression.shape == b.expression.shape
-            and ca.is_equal(a.expression, b.expression, 10)
-            for a, b in zip(old.subject_to, new.subject_to, strict=True)
-        )
-    )
-    if not same:
-        raise ValueError(
-            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
-        )
-    return new

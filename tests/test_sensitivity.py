@@ -14,10 +14,10 @@ from models import Parameter, spherical
 from models.effects import Gravity, Viscous
 from models.forms import canonical
 from ocp import Fixed, Free, Held, Ipopt, Problem, System, along, end, polish, radau, sensitivity, solve, start, uniform
-from ocp.arcs import solve_arcs
+from ocp.arcprogramme import prepare_arcs
+from ocp.arcs import arc_problem
 from ocp.phases import from_solution
 from ocp.polishing import SETTINGS
-from ocp.statelimit import state_limits
 
 TIGHT = Ipopt(tol=1e-12)
 M, LIMIT, WAY = 2.0, 3.0, 0.7
@@ -145,10 +145,9 @@ def test_polished_spherical_machine_against_differences_of_the_same_structure(na
     for sign in (1.0, -1.0):
         task = reach(sign * step) if name == "limit" else reach()
         values = dict(best.values) if name == "limit" else {**best.values, name: SIZES[name] + sign * step}
-        motion = solve_arcs(
-            task, state_limits(task), best.structure.arcs, tuple(np.bincount(arc).tolist()), best.scheme,
-            from_solution(best), values, replace(SETTINGS, tol=1e-12),
-        )  # fmt: skip
+        posed, elements = arc_problem(task, best.scheme, values), tuple(np.bincount(arc).tolist())
+        again = prepare_arcs(posed, best.structure.arcs, elements, from_solution(best), replace(SETTINGS, tol=1e-12))
+        motion = again.solve(again.restart(best))
         assert motion.answer.status is ocp.Status.SOLVED
         # In this form the drives are the controls; places keep their share of the arc.
         sides.append((motion.duration, np.cumsum([a.duration for a in motion.arcs])[:-1], motion.controls))
