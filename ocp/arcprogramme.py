@@ -83,7 +83,7 @@ class ArcProgramme:
         It often has as many equations as unknowns then, which take few Newton steps near their solution.
         """
         bare = replace(self, limited=False)
-        return replace(bare, equations=as_equations(self.programme, bare._bounds()))
+        return replace(bare, equations=as_equations(self.programme, bare.sides()))
 
     def solve(self, z0: Array) -> ArcMotion:
         """Solve from given unknowns (nz,).
@@ -93,7 +93,7 @@ class ArcProgramme:
             Appl. 35, 1971.
         """
         begun = time.perf_counter()
-        sides = self._bounds()
+        sides = self.sides()
         low, high, rows_low, rows_high = sides
         if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
             # Fewer unknowns than conditions, and no symmetry that could make some of them follow from others.
@@ -135,7 +135,7 @@ class ArcProgramme:
             price,
         )  # fmt: skip
 
-    def _bounds(self) -> tuple[Array, Array, Array, Array]:
+    def sides(self) -> tuple[Array, Array, Array, Array]:
         """Return the bounds with controls pinned, and without the limits that conditions hold already, or any."""
         programme, problem, limits, limited = self.programme, self.task.problem, self.task.limits, self.limited
         low, high, rows_low, rows_high = bounds(programme)
@@ -175,6 +175,21 @@ class ArcProgramme:
         return low, high, rows_low, rows_high
 
 
+def pose_arcs(
+    task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, weight: float = 0.0
+) -> ArcProgramme:
+    """Transcribe a problem for a given structure, without a solver; arguments as for `prepare_arcs`."""
+    arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
+    grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
+    freed = _freed(task.problem)
+    scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
+    ties = _ties(task, arcs, arc, guess.duration)
+    near = _near(task, arcs, arc, guess, grid, weight)
+    division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
+    programme = transcribe(freed, task.scheme, grid, scaling, division)
+    return ArcProgramme(task, arcs, elements, programme, division, ties, True, None, None, 0.0)
+
+
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
     weight: float = 0.0, limited: bool = True,
@@ -191,16 +206,9 @@ def prepare_arcs(
         limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
     """
     begun = time.perf_counter()
-    arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
-    grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
-    freed = _freed(task.problem)
-    scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    ties = _ties(task, arcs, arc, guess.duration)
-    near = _near(task, arcs, arc, guess, grid, weight)
-    division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
-    programme = transcribe(freed, task.scheme, grid, scaling, division)
-    whole = ArcProgramme(task, arcs, elements, programme, division, ties, True, None, None, 0.0)
+    whole = pose_arcs(task, arcs, elements, guess, weight)
     whole = whole if limited else whole.unlimited()
+    programme = whole.programme
     solver = None if whole.equations else build(programme.nlp, programme.derivatives, settings, warm=False)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun)
 

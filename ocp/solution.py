@@ -50,7 +50,7 @@ class Timings:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Multipliers of the limits, d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+    """Multipliers of the limits, -d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
 
     Those of shared unknowns (ends of elements) stand on both sides.
     """
