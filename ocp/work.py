@@ -28,6 +28,7 @@ from ocp.solver import Prepared, prepare
 from ocp.storage import decode, encode
 from ocp.store import Record
 from ocp.succession import PreparedStructure, prepare_structure
+from ocp.tangent import tangents
 
 FIRST_LADDER = (Smooth(), StraightLine())  # of a case that is solved for the first time
 BETTER = 1e-6  # share of the cost by which a cold start counts as better
@@ -138,7 +139,13 @@ def _recorded(work: Work, task: Task, blank: Record) -> Record:
     if not isinstance(made, Problem | Sequence):
         return _of_value(work, made, blank)
     found = _of_problem(here, task, made, values)
-    return _of_solution(work, found.solution, replace(blank, way=found.way, structure=found.structure), found.note)
+    record = replace(blank, way=found.way, structure=found.structure)
+    record = _of_solution(work, found.solution, record, found.note)
+    if not (work.slopes and record.ok and isinstance(found.solution, Solution)):
+        return record
+    slopes, note = tangents(found.solution, task.case, values, lambda case: stated(here.function, case)[0])
+    message = f"{record.message}; {note}".removesuffix("; ")
+    return replace(record, results={**record.results, **slopes}, message=message)
 
 
 def _of_problem(here: _Here, task: Task, problem: Problem | Sequence, values: dict[str, float]) -> _Found:

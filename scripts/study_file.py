@@ -26,7 +26,7 @@ from ocp.design import Design
 LISTS: dict[str, Callable[..., Design]] = {snake(kind.__name__): kind for kind in (Product, Zip)}
 SAMPLES: dict[str, Callable[..., Design]] = {snake(kind.__name__): kind for kind in (Random, LatinHypercube, Sobol)}
 SPACINGS: dict[str, Callable[..., np.ndarray]] = {"linear": np.linspace, "log": np.geomspace}
-STUDY = ("over", "design", "count", "seed", "polished", "neighbours", "checked")
+STUDY = ("over", "design", "count", "seed", "polished", "neighbours", "checked", "slopes")
 TEXTS = ("machine", "form", "frame")
 
 
@@ -112,6 +112,7 @@ def of_document(document: Table, store: str | Path | None) -> Study:
         SceneProblem(json.dumps(nominal.entries, sort_keys=True), symbols, others, tuple(keys.items())), design, store,
         scheme=radau(3), grid=uniform(task.elements), measure=measures, polished=_truth(table, "polished", False),
         neighbours=_truth(table, "neighbours", True), checked=table.number("checked", "", 0.1),
+        slopes=_truth(table, "slopes", False),
     )  # fmt: skip
 
 

@@ -1,21 +1,14 @@
 """Parameter studies: known answers, any executor, nothing lost, nothing computed twice."""
 
 import math
-import os
-import random
-import signal
-import subprocess
-import sys
-import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
-from studies import CART, QUIET, cart, carts, dies, plain, squares, wide
+from studies import CART, QUIET, cart, carts, plain, squares
 
-from ocp import Problem, Product, Study, Zip, solve, sweep, uniform
-from ocp.store import Store, StoreError
+from ocp import Ipopt, Problem, Study, Zip, solve, uniform
+from ocp.store import Store
 
 ROOT = Path(__file__).parent.parent
 
@@ -27,28 +20,6 @@ def results(table):
 
 def shortest(table):
     return 2.0 * np.sqrt(table["mass"] / table["limit"])
-
-
-def test_sweep_yields_outcomes_in_order():
-    cases = Product({"a": [1.0, "x", 3.0]}).cases()
-    for executor in (None, ThreadPoolExecutor(2)):
-        found = list(sweep(plain, cases, executor))
-        assert [o.case for o in found] == cases
-        assert [o.value for o in found] == [3.0, None, 5.0]
-        assert [o.ok for o in found] == [True, False, True]
-        assert found[1].error.startswith("TypeError: ")
-    with pytest.raises(TypeError, match="expected one that can be called"):
-        sweep(3, cases)
-    with pytest.raises(TypeError, match="executor: got 2"):
-        sweep(plain, cases, 2)
-    with pytest.raises(TypeError, match="mapping"):
-        sweep(plain, [1])
-
-
-def test_sweep_survives_a_dying_process():
-    with ProcessPoolExecutor(1) as pool:
-        found = list(sweep(dies, Product({"x": [1, 3]}).cases(), pool))
-    assert "BrokenProcessPool" in found[1].error
 
 
 def test_a_study_of_parameters_and_limits_finds_the_known_durations():
@@ -86,12 +57,6 @@ def test_a_function_may_solve_by_itself():
     np.testing.assert_allclose(table["duration"], [2.0, 4.0], rtol=1e-8)
     assert set(table["way"]) == {"function"}
     assert table.solution(1).duration == table["duration"][1]
-
-
-def test_two_processes_find_exactly_what_one_finds():
-    alone = results(carts().run())
-    with ProcessPoolExecutor(2) as pool:
-        assert results(carts().run(pool)) == alone
 
 
 def test_what_is_stored_is_not_computed_again(tmp_path):
@@ -139,99 +104,6 @@ def test_an_infeasible_case_keeps_its_diagnosis_and_the_others_their_results():
     np.testing.assert_allclose(
         table["duration"][~bad], 2.0 * np.sqrt(table["mass"] * abs(table["distance"]))[~bad], rtol=1e-8
     )
-
-
-def test_a_case_that_kills_its_process_fails_alone():
-    table = Study(dies, over={"x": range(8)}).run(lambda: ProcessPoolExecutor(2))
-    assert list(table.failures) == [3]
-    assert "died" in table.failures[3]
-    assert np.array_equal(table["value"][table.ok], [0, 1, 2, 4, 5, 6, 7])
-
-
-def test_a_broken_executor_of_the_user_is_told_and_the_rest_goes_on_later(tmp_path):
-    study = Study(dies, over={"x": range(8)}, store=tmp_path / "s.db")
-    with (
-        ProcessPoolExecutor(1) as pool,
-        pytest.raises(RuntimeError, match=r"the executor broke.*of 8 cases are stored"),
-    ):
-        study.run(pool)
-    assert len(study.run(lambda: ProcessPoolExecutor(1)).failures) == 1
-
-
-KILLED = "from pathlib import Path; from studies import squares; squares(Path({folder!r}), {count}).run()"
-
-
-def test_killed_at_random_moments_nothing_is_lost_or_doubled(tmp_path):
-    (tmp_path / "whole").mkdir()
-    (tmp_path / "killed").mkdir()
-    whole = squares(tmp_path / "whole").run()
-    generator, folder = random.Random(5), tmp_path / "killed"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
-    command = [sys.executable, "-c", KILLED.format(folder=str(folder), count=40)]
-    done = []
-    for _ in range(10):
-        process = subprocess.Popen(command, env=environment)
-        wanted = (done[-1] if done else 0) + generator.randint(1, 3)
-        while process.poll() is None and _stored(folder) < wanted:
-            time.sleep(0.002)
-        time.sleep(generator.uniform(0.0, 0.03))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        done.append(_stored(folder))
-    assert done == sorted(done)
-    assert 10 <= done[-1] < 40
-    table = squares(folder).run()
-    for name in ("x", "square", "parity", "status", "message"):
-        np.testing.assert_array_equal(table[name], whole[name])
-    # Only cases in flight were computed twice.
-    marks = (folder / "marks").read_text().split()
-    assert len(marks) - 40 <= 10
-
-
-def _stored(folder, identity=None):
-    try:
-        with Store(folder / "s.db", write=False) as store:
-            return len(store.of_study(identity or squares(folder).identity))
-    except (StoreError, OSError):
-        return 0
-
-
-POOL = """
-from concurrent.futures import ProcessPoolExecutor
-from studies import wide
-if __name__ == "__main__":
-    wide({store!r}).run(lambda: ProcessPoolExecutor(2))
-"""
-
-
-@pytest.mark.slow
-def test_a_pool_killed_at_random_moments_finds_the_same_motions(tmp_path):
-    """Cases that start from neighbours: the tree is the same, whatever was stored when the processes died."""
-    whole = results(wide(None).run())
-    script = tmp_path / "script.py"
-    script.write_text(POOL.format(store=str(tmp_path / "s.db")))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
-    generator, done = random.Random(7), [0]
-    for _ in range(10):
-        process = subprocess.Popen([sys.executable, str(script)], env=environment, start_new_session=True)
-        wanted = done[-1] + generator.randint(1, 8)
-        while process.poll() is None and _stored(tmp_path, wide(None).identity) < wanted:
-            time.sleep(0.002)
-        time.sleep(generator.uniform(0.0, 0.05))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        done.append(_stored(tmp_path, wide(None).identity))
-    assert 10 <= done[-1] < len(whole)
-    assert results(wide(tmp_path / "s.db").run()) == whole
-
-
-def test_two_processes_share_a_store(tmp_path):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
-    command = [sys.executable, "-c", KILLED.format(folder=str(tmp_path), count=60)]
-    processes = [subprocess.Popen(command, env=environment) for _ in range(2)]
-    assert [process.wait(timeout=120) for process in processes] == [0, 0]
-    assert sorted(map(int, (tmp_path / "marks").read_text().split())) == list(range(60))
-    assert len(squares(tmp_path, 60).table().failures) == 1
 
 
 def test_progress_is_told():
@@ -292,6 +164,16 @@ def test_problems_of_another_structure_get_a_programme_of_their_own():
     table = Study(either, over={"fixed": [0, 1]}, grid=uniform(10), solver=QUIET).run()
     assert table.records[0].ok
     assert not table.records[1].ok  # nothing limits the control
+
+
+@pytest.mark.parametrize("polished", [False, True])
+def test_slopes_are_the_derivatives_of_the_known_durations(polished):
+    table = carts(slopes=True, polished=polished, solver=Ipopt(tol=1e-12, progress=False)).run()
+    np.testing.assert_allclose(table["duration"], shortest(table), rtol=1e-9)
+    exact = {"mass": 0.5 * shortest(table) / table["mass"], "limit": -0.5 * shortest(table) / table["limit"]}
+    for name, slope in exact.items():
+        np.testing.assert_allclose(table[f"d duration / d {name}"], slope, rtol=1e-6)
+        np.testing.assert_allclose(table[f"d cost / d {name}"], slope, rtol=1e-6)
 
 
 def test_zipped_axes():
