@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies import carts, dies, plain, squares, wide
+from studies import carts, dies, plain, squares, wide, with_memory
 
 from ocp import Product, Study, sweep
 from ocp.store import Store, StoreError
@@ -143,3 +143,16 @@ def test_two_processes_share_a_store(tmp_path):
     assert [process.wait(timeout=120) for process in processes] == [0, 0]
     assert sorted(map(int, (tmp_path / "marks").read_text().split())) == list(range(60))
     assert len(squares(tmp_path, 60).table().failures) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory of a process is not told here")
+@pytest.mark.parametrize("polished", [False, True])
+def test_a_worker_needs_no_more_memory_after_a_thousand_cases(polished):
+    axes = {"mass": np.linspace(0.5, 4.0, 40), "limit": np.linspace(0.5, 2.0, 25)}
+    with ProcessPoolExecutor(1) as pool:
+        table = carts(over=axes, polished=polished, measure=with_memory).run(pool)
+    assert np.all(table.ok)
+    order = np.argsort([record.finished for record in table.records], kind="stable")
+    memory = table["memory"][order]
+    assert np.max(memory[-500:]) - np.max(memory[:300]) < 3.0, "3 MB are 6 kB for each case"
