@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from models.piecewise import Array
-from ocp.system import Label
+from ocp.system import Label, argument
 
 # Angles beyond this without a unit are taken for degrees [rad].
 SUSPICIOUS = 4.0 * np.pi
@@ -48,10 +48,9 @@ class Recording:
             given: object = getattr(self, name)
             if given is None and name in ("v", "a"):
                 continue
-            try:
-                array = np.array(given, dtype=float)
-            except (TypeError, ValueError):
-                raise ValueError(f"{name}: got {type(given).__name__}, expected numbers") from None
+            array = argument.real(given)
+            if array is None:
+                raise argument.refused(name, given, "numbers")
             if name != "t" and array.ndim == 1:
                 array = array[:, None]
             object.__setattr__(self, name, array)
@@ -90,6 +89,12 @@ class Recording:
             raise ValueError(f"velocity {i + 1} is not the rate of coordinate {i + 1}: about {ratio:.3g} times{hint}")
 
 
+def check_labels(labels: object) -> None:
+    """Refuse what is no tuple of Labels."""
+    if not isinstance(labels, tuple | list) or not all(isinstance(label, Label) for label in labels):
+        raise TypeError(f"labels: got {argument.shown(labels)}, expected a tuple of Labels")
+
+
 def read_trajectory(path: str | os.PathLike[str], names: Sequence[str] = ()) -> Recording:
     """Read a ROS trajectory_msgs/JointTrajectory, as JSON or (with the extra `ros`) as YAML.
 
@@ -102,7 +107,7 @@ def read_trajectory(path: str | os.PathLike[str], names: Sequence[str] = ()) -> 
         ValueError: no trajectory; the sentence says what is missing.
         ImportError: YAML without PyYAML.
     """
-    file = Path(path)
+    file = argument.path("path", path)
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

@@ -9,7 +9,7 @@ import casadi as ca
 from models.manipulator import Manipulator
 from models.mechanics import Mechanics, assemble
 from models.terms import Effect
-from ocp.system import System
+from ocp.system import System, argument
 
 # Time derivatives of the position, in the order in which they are asked for.
 DERIVATIVES = ("q", "v", "a", "jerk", "snap", "crackle")
@@ -64,6 +64,7 @@ def recover(system: System, machine: Manipulator, effects: Sequence[Effect] = ()
     Raises:
         TypeError, ValueError: as `inverse_dynamics`.
     """
+    argument.instance("system", system, System, "a System, a form of the machine")
     torques_of = inverse_dynamics(machine, effects)
     rate = ca.SX.sym("rate", system.x.numel())
     q, v = system["q"], system["v"]

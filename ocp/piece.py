@@ -9,6 +9,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.solution import Solution
 
 Array = np.ndarray
@@ -80,7 +81,7 @@ class Piece:
     control: Polynomial | Sampled
 
 
-def pieces(control: Controls, reported: Array, breaks: Sequence[float], nu: int) -> Iterator[Piece]:
+def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, nu: int) -> Iterator[Piece]:
     """Yield the pieces of a motion that ends at the last reported time.
 
     Args:
@@ -123,7 +124,10 @@ def at_start(control: Controls, nu: int) -> Array:
     """
     if isinstance(control, Solution):
         return control.u(0.0)
-    value = control(0.0) if callable(control) else control
-    if np.size(value) != nu:
-        raise ValueError(f"control: got {np.size(value)} numbers, expected {nu}")
-    return np.array(value, dtype=float).ravel()
+    value = argument.real(control(0.0) if callable(control) and not isinstance(control, type) else control)
+    if value is None or not np.all(np.isfinite(value)):
+        wanted = f"{nu} finite numbers, a function of t that returns them, or a Solution"
+        raise argument.refused("control", control, wanted)
+    if value.size != nu:
+        raise ValueError(f"control: got {value.size} numbers, expected {nu}")
+    return value.ravel()

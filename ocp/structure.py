@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
+from ocp import argument
 from ocp.problem import Problem
 from ocp.statelimit import StateLimit
 
@@ -91,6 +92,7 @@ class Structure:
         Raises:
             ValueError: no such control or limit in the table.
         """
+        argument.text("row", name, "the name of a control or a limit in the table")
         own = [row for row in self.rows if row.name == name]
         if not own:
             raise ValueError(f"no row {name!r}; there are {', '.join(dict.fromkeys(row.name for row in self.rows))}")

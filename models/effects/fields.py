@@ -97,7 +97,7 @@ def read_fields(effect: Effect, *names: str) -> Fields:
         if "unit" not in field.metadata or (names and field.name not in names):
             continue
         name, value = f"{prefix}.{field.name}", getattr(effect, field.name)
-        several = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) and np.ndim(value) == 1
+        several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
         if several and not field.metadata["scalar"]:
             if len(value) == 0:
                 raise ValueError(f"{name}: got no values, expected one for all drives or one for each")
