@@ -140,7 +140,8 @@ def trajectory(message: Any, names: Sequence[str] = ()) -> Recording:
         t.append(_seconds(point["time_from_start"], k))
         for key, column in columns.items():
             row = point.get(key) or []
-            if row and not (isinstance(row, list) and len(row) == len(joints)):
+            numbers = isinstance(row, list) and not any(isinstance(value, bool | str) for value in row)
+            if row and not (numbers and len(row) == len(joints)):
                 raise ValueError(f"point {k}: {key} must be a list of {len(joints)} numbers, one for each joint")
             column.append(row)
     filled = {key: [bool(row) for row in column] for key, column in columns.items()}
@@ -155,7 +156,8 @@ def trajectory(message: Any, names: Sequence[str] = ()) -> Recording:
     elif names and len(names) == len(joints):
         notes.append(f"joints {', '.join(joints)} are taken for {', '.join(names)}, in this order")
     values = {
-        key: np.array(column, dtype=float)[:, order] if all(filled[key]) else None for key, column in columns.items()
+        key: argument.numbers(key, column, "lists of finite numbers")[:, order] if all(filled[key]) else None
+        for key, column in columns.items()
     }
     positions = values["positions"]
     assert positions is not None
@@ -210,7 +212,8 @@ def _seconds(value: Any, k: int) -> float:
             if whole in value:
                 parts = value[whole], value.get(fraction, 0)
                 if all(isinstance(part, int | float) for part in parts):
-                    return float(parts[0]) + 1e-9 * float(parts[1])
+                    told = f"point {k}: time_from_start"
+                    return argument.number(told, parts[0]) + 1e-9 * argument.number(told, parts[1])
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    raise ValueError(f"point {k}: time_from_start is {value!r}, expected seconds, or sec and nanosec")
+        return argument.number(f"point {k}: time_from_start", value)
+    raise ValueError(f"point {k}: time_from_start is {argument.shown(value)}, expected seconds, or sec and nanosec")

@@ -13,6 +13,7 @@ import numpy as np
 
 Array = np.ndarray
 LONGEST = 60  # characters of a value in a sentence
+PATH = 240  # characters of a path in a sentence
 FAR = float(np.finfo(float).max)
 
 
@@ -20,11 +21,13 @@ def shown(value: object) -> str:
     """Return a value as one short line for a sentence."""
     if isinstance(value, np.ndarray) and value.size > 4:
         return f"an array of shape {value.shape}"
+    if isinstance(value, os.PathLike):
+        return repr(str(value))[:PATH]
     try:
-        text = " ".join(repr(value).split())
+        words = " ".join(repr(value).split())
     except Exception:  # integers of more digits than Python writes, objects that cannot say what they are
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 4]} ..."
+        words = f"a {type(value).__name__}"
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 4]} ..."
 
 
 def refused(name: str, value: object, expected: str) -> ValueError:
@@ -182,6 +185,8 @@ def real(value: object) -> Array | None:
     """Return real numbers as an array, None for anything else."""
     if type(value) is float:
         return np.array(value)
+    if isinstance(value, list | tuple) and any(isinstance(part, bool | str | bytes) for part in value):
+        return None
     if isinstance(value, ca.SX | ca.MX | str | bytes | dict | set | type(None)) or callable(value):
         return None
     try:

@@ -227,11 +227,10 @@ def prepare(
     grid = uniform(50) if grid is None else grid
     solver = Ipopt() if solver is None else solver
     check_settings(problem, scheme, grid, solver)
-    if guess is not None and not is_ladder(guess):
-        as_guesses(problem, guess)
+    made = None if guess is None or is_ladder(guess) else as_guesses(problem, guess)
     every = parameter_values(problem, values)
-    given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
-    guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
+    given = made if isinstance(guess, STARTS) or _fresh(guess) else None
+    guesses = chain(problem, every, smooth) if given is None else given
     programmes = []
     for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
         free = free_parameters(phase)
@@ -297,6 +296,5 @@ def _same_structure(old: Problem, new: Problem) -> Problem:
         )
     )
     if not same:
-        told = "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
-        raise ValueError(told)
+        raise ValueError("problem: differs from the prepared one in more than limits and end values; prepare it anew")
     return new

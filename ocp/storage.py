@@ -129,6 +129,8 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
     if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= VERSION:
         raise ValueError(f"{path}: format version {argument.shown(version)}, expected a number up to {VERSION}")
     try:
+        for name in ("scheme", "free", "values", "timings", "log"):
+            argument.mapping(name, about.get(name), "named entries")
         scheme = _scheme(about["scheme"])
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)

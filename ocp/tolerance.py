@@ -124,7 +124,6 @@ class Signal:
 
     def __post_init__(self) -> None:
         argument.text("Signal: name", self.name, "the name of a signal of states")
-        argument.text("Signal: unit", self.unit)
         _positive(self)
 
     @property
@@ -160,7 +159,10 @@ class Signal:
 
 
 def _positive(tolerance: Tolerance) -> None:
-    argument.number(f"{type(tolerance).__name__}: tol", tolerance.tol, "a number > 0", above=0.0)
+    called = type(tolerance).__name__
+    argument.number(f"{called}: tol", tolerance.tol, "a number > 0", above=0.0)
+    argument.text(f"{called}: unit", tolerance.unit)
+    argument.text(f"{called}: what", tolerance.what)
 
 
 def _check(solution: Solution, errors: Errors) -> None:

@@ -25,6 +25,7 @@ BAD: Mapping[str, object] = {
     "none": None, "text": "abc", "no_text": "", "bytes": b"abc", "nan": NAN, "inf": INF, "minus_inf": -INF,
     "negative": -1.5, "zero": 0, "half": 0.5, "true": True, "complex": 1.0 + 2.0j, "huge": 10**400,
     "empty": [], "nans": [NAN, NAN, NAN], "infs": [INF, INF, INF], "words": ["a", "b", "c"], "nones": [None, None],
+    "truths": [1.0, True, 0.5],
     "long": [float(k) for k in range(1, 18)], "falling": [1.0, 0.5, 0.0], "ragged": [[1.0], [2.0, 3.0]],
     "table": np.array([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, NAN]]), "cube": np.ones((2, 3, 4)), "map": {},
     "names": {"no such": 1.0}, "thing": object(), "kind": dict, "function": math.hypot,

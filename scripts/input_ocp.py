@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from pathlib import Path
+
 import casadi as ca
 import input_examples as example
 import numpy as np
@@ -26,6 +30,7 @@ from ocp import Control, Fixed, integrators
 from ocp.constraint import Where
 
 A = Argument
+FILE = Path(tempfile.gettempdir()) / f"hamel_input_{os.getpid()}.npz"
 NAN_TOLD = frozenset({"table"})  # a guess with NaN is told by the solve, which fails by value
 
 
@@ -114,7 +119,8 @@ def grids() -> tuple[Call, ...]:
     for kind in (ocp.Cost, ocp.Share, ocp.Seconds):
         name, one = kind.__name__, kind(1e-3)
         tolerances += [
-            Call(f"ocp.{name}", kind, {"tol": A(1e-3, POSITIVE)}),
+            Call(f"ocp.{name}", kind, {
+                "tol": A(1e-3, POSITIVE), "unit": A("m", ANY_TEXT), "what": A("cost", ANY_TEXT)}),
             Call(f"{name}.error", one.error, solved), Call(f"{name}.parts", one.parts, solved),
         ]  # fmt: skip
     signal = ocp.Signal("q", 1e-3)
@@ -183,6 +189,7 @@ def solves() -> tuple[Call, ...]:
     guess = {"guess": A(example.guess(), OPTIONAL)}
     times = A([0.0, 0.1], frozenset({"zero"}))
     both = {"solution": A(solution), "problem": A(None, OPTIONAL)}
+    ocp.save(solution, FILE)
     phases, later = example.sequence_solution(), frozenset({"zero", "half"})
     return (
         Call("ocp.prepare", ocp.prepare, {"problem": A(problem), **common, **guess}),
@@ -214,6 +221,8 @@ def solves() -> tuple[Call, ...]:
         Call("Solution.samples", solution.samples, {
             "tau": A(np.array([0.0, 0.5]), frozenset({"zero", "half", "falling"}))}),
         Call("SequenceSolution.signal", phases.signal, {"signal": A("q"), "t": A([0.0, 0.1], later)}),
+        Call("ocp.save", ocp.save, {"solution": A(solution), "path": A(FILE, frozenset({"text"}))}),
+        Call("ocp.load", ocp.load, {"path": A(FILE), "problem": A(None, OPTIONAL)}),
         Call("Structure.switches", ocp.Structure((_row(),), ()).switches, {"name": A("u", NOTHING, ("row",))}),
     )  # fmt: skip
 
