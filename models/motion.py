@@ -14,7 +14,7 @@ from models.expressions import ExpressionCurve, FunctionCurve
 from models.loads import Envelope
 from models.manipulator import Manipulator
 from models.piecewise import Array, Piecewise, dense
-from models.recording import Recording, check_labels, read_trajectory
+from models.recording import Recording, check_labels, check_rows, read_trajectory
 from models.samples import Differences, fit
 from models.sampling import Progress
 from models.smoothing import Smoothed
@@ -78,10 +78,7 @@ class Motion:
         """Return d^order q / dt^order at times t [s] within the motion, shape as `q`."""
         slack = OUTSIDE * self.duration
         argument.whole("order", order, 0, 5)
-        given = argument.real(t)
-        if given is None or given.ndim > 1 or not given.size:
-            raise argument.refused("t", t, "times in s within the motion, one or (K,)")
-        times = np.atleast_1d(given)
+        times = argument.places("t", t, "times in s within the motion, one or (K,)", least=1)
         if not np.all((times >= self.start - slack) & (times <= self.end + slack)):
             asked = f"{np.min(times):g} .. {np.max(times):g} s"
             raise ValueError(f"t: got {asked}, the motion runs from {self.start:g} to {self.end:g} s")
@@ -173,6 +170,7 @@ class Motion:
         Raises:
             ValueError: shapes disagree, times do not increase, wrong end conditions.
         """
+        check_rows("times", times, "waypoints", waypoints)
         points = Recording(times, waypoints)  # type: ignore[arg-type]
         spline = interpolate(points.t, points.q, degree, at_rest(degree) if ends is None else ends)
         return cls.piecewise(spline, points.labels, degree - 1)

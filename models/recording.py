@@ -63,14 +63,14 @@ class Recording:
             if part is not None and part.shape != q.shape:
                 raise ValueError(f"{name} has shape {part.shape}, q has shape {q.shape}; they must agree")
         for name, part in (("t", t), ("q", q), ("v", self.v), ("a", self.a)):
-            if part is not None and not np.all(np.isfinite(part)):
-                row = int(np.flatnonzero(~np.isfinite(part.reshape(len(t), -1)).all(axis=1))[0])
-                raise ValueError(f"{name} is not finite in sample {row + 1} of {len(t)} (NaN or infinite)")
+            if part is not None:
+                _check_finite(name, part)
         falling = np.flatnonzero(np.diff(t) <= 0.0)
         if len(falling):
             k = int(falling[0])
             what = "repeated" if t[k] == t[k + 1] else "not increasing"
-            raise ValueError(f"times are {what}: sample {k + 1} at {t[k]:.9g} s, sample {k + 2} at {t[k + 1]:.9g} s")
+            told = f"times are {what}: sample {k + 1} at {t[k]:.9g} s, sample {k + 2} at {t[k + 1]:.9g} s"
+            raise ValueError(f"{told}; give increasing ones")
         if self.v is not None:
             self._check_velocities(self.v)
         if not self.labels:
@@ -87,6 +87,27 @@ class Recording:
             ratio = float(np.sum(mean[:, i] * slope[:, i]) / max(np.sum(slope[:, i] ** 2), 1e-300))
             hint = " (deg/s beside rad?)" if abs(ratio - 180.0 / np.pi) < 5.0 else ""
             raise ValueError(f"velocity {i + 1} is not the rate of coordinate {i + 1}: about {ratio:.3g} times{hint}")
+
+
+def check_rows(times_name: str, times: object, name: str, rows: object) -> None:
+    """Refuse rows (K, n) that are not one for each of K times, by the names that the user gave them."""
+    t, q = argument.real(times), argument.real(rows)
+    if t is None or t.ndim != 1:
+        raise argument.refused(times_name, times, "increasing times (K,)")
+    if q is None or q.ndim not in (1, 2):
+        raise argument.refused(name, rows, "finite numbers (K, n)")
+    if len(t) != len(q):
+        raise ValueError(f"{name}: has {len(q)} rows, {times_name} has {len(t)}, expected one row for each time")
+    _check_finite(times_name, t)
+    _check_finite(name, q)
+
+
+def _check_finite(name: str, rows: Array) -> None:
+    wrong = np.flatnonzero(~np.isfinite(rows.reshape(len(rows), -1)).all(axis=1))
+    if len(wrong):
+        raise ValueError(
+            f"{name} is not finite in sample {wrong[0] + 1} of {len(rows)} (NaN or infinite), expected numbers"
+        )
 
 
 def check_labels(labels: object) -> None:

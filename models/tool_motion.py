@@ -13,7 +13,7 @@ from models.inverse_kinematics import Configurations, Inverse, continuous, wrapp
 from models.manipulator import Manipulator
 from models.motion import Motion, labels_of
 from models.piecewise import Array
-from models.recording import Recording
+from models.recording import Recording, check_rows
 from models.sampling import evaluate
 from models.splines import at_rest, interpolate
 from models.tool_path import Polynomial, ToolPath
@@ -145,6 +145,7 @@ def through_tool_points(
     Raises:
         ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
     """
+    check_rows("times", times, "points", points)
     given = Recording(times, points)  # type: ignore[arg-type]
     if given.q.shape[1] != 3:
         raise ValueError(f"points: got the shape {given.q.shape}, expected (K, 3)")
@@ -208,7 +209,7 @@ def _held(machine: Manipulator, redundant: list[int], hold: Mapping[str, float])
     for name in hold:
         if name not in names or names.index(name) not in redundant:
             free = ", ".join(names[i] for i in redundant) or "no coordinate"
-            raise ValueError(f"hold: {name!r} is fixed by the tool or unknown; {free} may be held")
+            raise ValueError(f"hold: {name!r} is fixed by the tool or unknown; there is {free} to be held")
     return {i: argument.number(f"hold: {names[i]}", hold.get(names[i], 0.0)) for i in redundant}
 
 

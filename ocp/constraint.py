@@ -117,7 +117,7 @@ def _constraint(
         bad = np.flatnonzero(low > high).tolist()
         raise ValueError(
             f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for "
-            f"{argument.shown(expression)}"
+            f"{argument.shown(expression)}, expected lower <= upper"
         )
     if np.any(low == np.inf) or np.any(high == -np.inf):
         told = argument.shown(expression)
@@ -133,5 +133,6 @@ def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np
     if array.size not in (1, size):
         raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
     if np.any(np.isnan(array)):
-        raise ValueError(f"{where}: {side} is NaN in components {np.flatnonzero(np.isnan(array)).tolist()}")
+        places = np.flatnonzero(np.isnan(array)).tolist()
+        raise ValueError(f"{where}: {side} is NaN in components {places}, expected numbers, or inf for no limit")
     return np.broadcast_to(array, (size,)).copy()

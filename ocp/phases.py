@@ -69,7 +69,7 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
         parts = guess if isinstance(guess, list | tuple) else [guess]
     wanted = phases_of(problem)
     if len(parts) != len(wanted):
-        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
+        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases; give one for each")
     made = []
     for phase, part in zip(wanted, parts, strict=True):
         try:

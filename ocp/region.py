@@ -90,7 +90,7 @@ class Cylinder:
         if not np.linalg.norm(_numbers("Cylinder: axis", self.axis, 3)) > 0.0:
             raise ValueError(f"Cylinder: axis {self.axis}, expected a direction, not all zero")
         _positive("Cylinder: radius", self.radius)
-        argument.number("Cylinder: length", self.length, "a length > 0 m, or inf", above=0.0, finite=False)
+        argument.number("Cylinder: length", self.length, "a length > 0, or inf", above=0.0, finite=False)
 
     def within(self, point: ca.SX) -> ca.SX:
         """Return (distance from the axis / R)^2 and, with ends, (distance along it / half length)^2."""
@@ -172,7 +172,7 @@ def _column(point: ca.SX) -> ca.SX:
 def _from(point: ca.SX, origin: Vector, name: str) -> ca.SX:
     point = _column(point)
     if point.numel() != len(origin):
-        raise ValueError(f"{name}: has {len(origin)} dimensions, the point has {point.numel()}")
+        raise ValueError(f"{name}: has {len(origin)} dimensions, the point has {point.numel()}; give both as many")
     return point - ca.DM(np.array(origin, dtype=float))
 
 
@@ -184,4 +184,4 @@ def _numbers(name: str, value: Vector, size: int | None = None) -> np.ndarray:
 
 
 def _positive(name: str, value: float) -> None:
-    argument.number(name, value, "a length > 0 m", above=0.0)
+    argument.number(name, value, "a length > 0", above=0.0)

@@ -86,8 +86,7 @@ def simulate(
     if reported.ndim == 0:
         reported = np.linspace(0.0, float(reported), 101)
     if reported.ndim != 1 or len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
-        shown = ", ".join(f"{t:g}" for t in reported.ravel()[:6])
-        raise ValueError(f"times: got {shown}{' ...' if len(reported) > 6 else ''}, expected increasing times >= 0 s")
+        raise argument.refused("times", times, "a duration > 0 s or increasing times >= 0 s")
     if isinstance(control, Solution) and reported[-1] > control.duration * (1.0 + OUTSIDE):
         raise ValueError(f"times: got {reported[-1]:g} s, the control lasts {control.duration:g} s")
     chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))

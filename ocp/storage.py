@@ -122,7 +122,7 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
             held = {name: _array(f"limits_{name}", file[f"limits_{name}"]) for name in known}
     except Exception as error:  # zipfile, zlib, tokenize, numpy and json each raise their own for damaged bytes
         why = " ".join(str(error).split())[:LONGEST]
-        raise ValueError(f"{path}: no readable solution file ({why})") from None
+        raise ValueError(f"{path}: no readable solution file ({why}), expected one written by save") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise ValueError(f"{path}: no solution file, expected the format {FORMAT!r}")
     version = about.get("version")
@@ -131,6 +131,8 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
     try:
         for name in ("scheme", "free", "values", "timings", "log"):
             argument.mapping(name, about.get(name), "named entries")
+        if not isinstance(about.get("status"), str) or about["status"] not in Status.__members__:
+            raise argument.refused("status", about.get("status"), f"one of {', '.join(Status.__members__)}")
         scheme = _scheme(about["scheme"])
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)
@@ -145,7 +147,9 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         )  # fmt: skip
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         why = " ".join(str(error).split())[:LONGEST]
-        raise ValueError(f"{path}: the solution file is incomplete or damaged ({why})") from None
+        raise ValueError(
+            f"{path}: the solution file is incomplete or damaged ({why}), expected one written by save"
+        ) from None
 
 
 def _array(name: str, given: np.ndarray) -> np.ndarray:
@@ -175,6 +179,9 @@ def _check_model(arrays: dict[str, np.ndarray], problem: Problem | None) -> None
 def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> Multipliers | None:
     if not held:
         return None
+    missing = [name for name in LIMITS if name not in held]
+    if missing:
+        raise ValueError(f"multipliers of limits lack {', '.join(missing)}")
     wrong = [name for name, like in (("x", "states"), ("u", "controls")) if held[name].shape != arrays[like].shape]
     if wrong or len(held["path"]) != len(arrays["states"]):
         raise ValueError("multipliers of limits do not fit the motion")

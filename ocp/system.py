@@ -72,7 +72,7 @@ class System:
             if not getattr(self, name).is_valid_input():
                 raise ValueError(f"System: {name} must be made of symbols, got {getattr(self, name)}")
         if self.rate.numel() != self.x.numel():
-            raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}")
+            raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}; give as many")
         for name in ("signals", "nominal", "labels", "limits", "initial"):
             argument.mapping(f"System: {name}", getattr(self, name), "a dict by name")
         argument.instance("System: notes", self.notes, tuple | list, "a tuple of sentences")
@@ -116,8 +116,8 @@ class System:
         foreign = [str(s) for s in ca.symvar(expression) if s.element_hash() not in known]
         if foreign:
             raise ValueError(
-                f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)} "
-                "(two symbols of one name are two symbols)"
+                f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)}; "
+                "use those of the system (two symbols of one name are two symbols)"
             )
 
     def __getitem__(self, name: str) -> ca.SX:

@@ -7,6 +7,7 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,10 @@ ROOT = Path(__file__).resolve().parent.parent
 LONGEST = 400  # characters of a sentence
 REFUSALS = (ValueError, TypeError, KeyError, OSError)
 # What no user should see first: places in compiled sources, words of other libraries' own errors.
+# What fits, or what there is, or why it cannot be.
+CURE = re.compile(
+    r"expected|give|use |there (is|are)|(it|this system) has|must|needs?|leaves nothing|at least|cannot|runs from|lasts"
+)
 FOREIGN = re.compile(r"Traceback|\.cpp|\.hpp|casadi::|Assertion|broadcast|NoneType|dtype|object is not|unsupported")
 
 NAN, INF = math.nan, math.inf
@@ -103,32 +108,35 @@ def answers(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
     for name, argument in call.arguments.items():
         for bad, value in BAD.items():
             if bad not in argument.fits:
-                what = fault(partial(call, **{name: value}), (name, *argument.called))
+                what = fault(partial(call, **{name: value}), (name, *argument.called), _evidence(value))
                 yield name, bad, Fault(call.name, name, bad, what) if what else None
 
 
-def fault(attempt: Callable[[], object], names: tuple[str, ...]) -> str:
+def fault(attempt: Callable[[], object], names: tuple[str, ...], value: tuple[str, ...] = ()) -> str:
     """Return what is wrong with the answer to an attempt, empty for one sentence that names the argument.
 
     Args:
         attempt: that should be refused.
         names: words by which the sentence may name the argument.
+        value: words of which one must stand in it, as they tell the value; none for no such demand.
     """
     try:
         result = attempt()
     except REFUSALS as error:
-        return sentence(error, names)
+        return sentence(error, names, value)
     except BaseException as error:  # whatever else is no answer
         return f"{type(error).__name__}: {error}"[:300]
     return f"accepted, {type(result).__name__}"
 
 
-def sentence(error: BaseException, names: tuple[str, ...]) -> str:
+def sentence(error: BaseException, names: tuple[str, ...], value: tuple[str, ...] = ()) -> str:
     """Return what is wrong with an error as an answer to a user, empty for nothing.
 
     Args:
         error: raised.
         names: words of which one must stand in it.
+        value: words of which one must stand in it, as they tell the value; none if neither this nor what is expected
+            is demanded, as of files.
     """
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
     told = f"{type(error).__name__}: {text[:200]!r}"
@@ -142,7 +150,34 @@ def sentence(error: BaseException, names: tuple[str, ...]) -> str:
         return f"words of another library: {told}"
     if not any(re.search(rf"(?<!\w){re.escape(name)}(_\d+)*(?!\w)", text) for name in names):
         return f"does not name {' or '.join(names)}: {told}"
-    return ""
+    if value and not any(word.lower() in text.lower() for word in value):
+        return f"does not tell the value: {told}"
+    told_how = not value or isinstance(error, OSError) or CURE.search(text)
+    return "" if told_how else f"does not say what is expected: {told}"
+
+
+def _evidence(value: object) -> tuple[str, ...]:
+    """Return words that tell a value: how it is written, its kind, its size, its parts."""
+    words = [type(value).__name__, "shape (", "the function" if callable(value) else type(value).__name__]
+    if isinstance(value, list | np.ndarray):
+        words += [f"has {len(value)}", f"of {len(value)} "]
+    with suppress(ValueError):  # of integers with more digits than Python writes
+        words += [" ".join(repr(value).split())[:12], str(value)[:12]]
+    if isinstance(value, ca.SX | ca.MX):
+        return (*words, "foreign", "has 1")
+    if isinstance(value, np.ndarray):
+        return (*words, str(value.shape), f"{value.size} ", "nan")
+    if isinstance(value, list | dict):
+        parts = [repr(part) for part in value if part is not None]
+        numbers = [f"{part:g}" for part in value if isinstance(part, float)]
+        return (
+            *words,
+            *parts,
+            *numbers,
+            f"{len(value)} ",
+            "none" if None in value else "no " if not value else repr(value),
+        )
+    return (*words, "10000") if isinstance(value, int) and value > 1 else (*words, "1 numbers", "has 1")
 
 
 def _raised_here(error: BaseException) -> bool:

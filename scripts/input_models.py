@@ -154,7 +154,7 @@ def motions() -> tuple[Call, ...]:
             "velocity": speeds["velocity"], "acceleration": speeds["acceleration"], "duration": length}),
         Call("Motion.s_curve", Motion.s_curve, ends | speeds | {"duration": length}),
         Call("Motion.through", Motion.through, {
-            "times": A(t, NOTHING, ("t",)), "waypoints": A(q, three, ("q",)), "degree": A(5),
+            "times": A(t), "waypoints": A(q, three), "degree": A(5),
             "ends": A(None, OPTIONAL)}),
         Call("Motion.from_samples", Motion.from_samples, {
             "t": A(noisy.times), "q": A(noisy.samples), "v": A(None, OPTIONAL),
@@ -189,8 +189,8 @@ def motions() -> tuple[Call, ...]:
         Call("models.along_tool_path", models.along_tool_path, {
             "machine": A(arm), "path": A(line), "law": A(law), **inverse}),
         Call("models.through_tool_points", models.through_tool_points, {
-            "machine": A(arm), "times": A([0.0, 1.0], NOTHING, ("t",)),
-            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]], NOTHING, ("q",)), **inverse}),
+            "machine": A(arm), "times": A([0.0, 1.0]),
+            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]]), **inverse}),
     )  # fmt: skip
 
 

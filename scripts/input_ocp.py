@@ -40,7 +40,8 @@ def systems() -> tuple[Call, ...]:
     rate = ca.vertcat(x[1], u + p)
     arm, problem = example.system(), example.problem()
     constraint = ocp.along(arm["q"], -1.0, 1.0)
-    spoken = {name: A(value) for name, value in (("x", x), ("u", u), ("p", p), ("rate", rate))}
+    spoken = {name: A(value) for name, value in (("x", x), ("rate", rate))}
+    spoken |= {name: A(value, frozenset({"symbol"})) for name, value in (("u", u), ("p", p))}  # told as those of rate
     ends = {
         "expression": A(arm["q"], frozenset({"symbol"})), "lower": A([0.0, 0.0, 0.0], LIMIT - {"inf", "infs"}),
         "upper": A([1.0, 1.0, 1.0], LIMIT - {"negative", "minus_inf"}), "name": A("here", ANY_TEXT),

@@ -6,9 +6,9 @@ import inspect
 
 import input_files
 import pytest
-from input_call import BAD, answers, fault
+from input_call import BAD, Fault, answers, fault
 from stability_case import run
-from stability_input import CASES, PARTS
+from stability_input import CASES, PARTS, figure
 
 import models
 import ocp
@@ -116,16 +116,25 @@ def test_the_judge_sees_bad_answers():
     def lines(x):
         raise ValueError("x: got 3,\nexpected 2")
 
+    def named(words):
+        raise ValueError(words)
+
     assert "ZeroDivisionError" in fault(lambda: foreign(0), ("x",))
     assert "accepted" in fault(lambda: silent(0), ("x",))
     assert "not said by the product" in fault(lambda: float("a"), ("float",))
     assert "does not name x" in fault(lambda: other(0), ("x",))
     assert "no one sentence" in fault(lambda: lines(0), ("x",))
-    assert fault(lambda: ocp.uniform(0), ("uniform",)) == ""
+    assert "does not tell the value" in fault(lambda: named("x: expected a number"), ("x",), ("nan",))
+    assert "does not say what is expected" in fault(lambda: named("x: got nan"), ("x",), ("nan",))
+    assert fault(lambda: ocp.uniform(0), ("uniform",), ("0",)) == ""
     assert len(BAD) >= 25
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_cases_of_the_stability_suite_pass(case):
-    assert case.fast
-    assert run(case).passed
+def test_cases_of_the_stability_suite_count_the_faults():
+    assert all(case.fast and not case.outside for case in CASES)
+    regions = next(case for case in CASES if case.name == "regions")
+    assert run(regions).passed
+    wrong = figure([("x", "nan", None), ("x", "inf", Fault("f", "x", "inf", "accepted, float"))])
+    assert wrong.value == 1.0
+    assert not wrong.passed
+    assert "f(x = inf): accepted" in wrong.note
