@@ -93,8 +93,8 @@ def _line(q0: object, q1: object, **given: object) -> tuple[Array, Array, list[f
     limits = []
     for name, value in given.items():
         limit = points(name, value)
-        if limit.size not in (1, step.size) or np.any(limit <= 0.0):
-            raise argument.refused(name, value, f"1 or {step.size} limits > 0")
+        if limit.size not in (1, step.size) or np.any(limit < argument.SMALLEST):
+            raise argument.refused(name, value, f"1 or {step.size} limits > 0, {argument.RANGE}")
         moving = step != 0.0
         if not np.any(moving):
             raise ValueError("q0 equals q1: nothing moves, so the limits do not fix a duration")

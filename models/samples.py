@@ -71,6 +71,8 @@ def _level(noise: float | Sequence[float] | None, n: int) -> Array | None:
     level = np.broadcast_to(given, (n,))
     if not (np.all(np.isfinite(level)) and np.all(level >= 0.0)):
         raise argument.refused("noise", noise, "standard deviations >= 0 in rad or m")
+    if np.any((level > 0.0) & (level < argument.SMALLEST)) or np.any(level > argument.LARGEST):
+        raise argument.refused("noise", noise, f"0, or standard deviations {argument.RANGE} in rad or m")
     if np.any(level) and not np.all(level):
         raise ValueError(f"noise: got {noise!r}; give a level > 0 for every coordinate, or 0 for all")
     return level

@@ -13,6 +13,9 @@ import numpy as np
 
 Array = np.ndarray
 LONGEST = 60  # characters of a value in a sentence
+# Finite numbers beyond this range are slips, and their powers leave the range of floating point.
+SMALLEST, LARGEST = 1e-40, 1e40
+RANGE = f"from {SMALLEST:g} to {LARGEST:g} in size"
 PATH = 240  # characters of a path in a sentence
 FAR = float(np.finfo(float).max)
 
@@ -69,8 +72,8 @@ def number(
         name: of the argument.
         value: what was given.
         expected: what would fit.
-        above, at_least: limits of it.
-        finite: whether it must be finite; else it may be infinite within its limits.
+        above, at_least: limits of it; a number above 0 is at least `SMALLEST`.
+        finite: whether it must be finite, and at most `LARGEST` in size; else it may be infinite within its limits.
 
     Raises:
         ValueError: no number (texts and truth values are none), or one that does not fit.
@@ -83,6 +86,8 @@ def number(
     low = found > above or (math.isinf(above) and not math.isnan(found))
     if not (low and found >= at_least) or (finite and not math.isfinite(found)):
         raise refused(name, value, expected)
+    if (finite and abs(found) > LARGEST) or (above == 0.0 and found < SMALLEST):
+        raise refused(name, value, f"{expected}, {RANGE}")
     return found
 
 
@@ -109,11 +114,13 @@ def numbers(name: str, value: object, expected: str = "finite numbers", *, finit
         name: of the argument.
         value: what was given.
         expected: what would fit.
-        finite: whether they must be finite; else they may be infinite, never NaN.
+        finite: whether they must be finite, and at most `LARGEST` in size; else they may be infinite, never NaN.
     """
     array = real(value)
     if array is None or np.any(np.isnan(array)) or (finite and not np.all(np.isfinite(array))):
         raise refused(name, value, expected)
+    if finite and np.any(np.abs(array) > LARGEST):
+        raise refused(name, value, f"{expected}, {RANGE}")
     return array
 
 

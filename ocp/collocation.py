@@ -13,6 +13,7 @@ from numpy.polynomial import legendre as polynomials
 from ocp import argument
 
 Array = np.ndarray
+FARTHEST = 1e6  # place from which polynomials of an element are asked for
 
 
 class Control(Enum):
@@ -224,7 +225,7 @@ def _unit(points: Array) -> Array:
 
 
 def _places(tau: object) -> Array:
-    return argument.places("tau", tau, "places on the element, finite numbers")
+    return argument.places("tau", tau, "places on the element, numbers near 0 to 1", -FARTHEST, FARTHEST)
 
 
 def _check(degree: int, control: Control, least: int = 1) -> None:

@@ -37,6 +37,7 @@ BAD: Mapping[str, object] = {
     "symbol": ca.SX.sym("foreign"), "symbols": ca.MX.sym("foreign", 3),
 }  # fmt: skip
 
+EXTREMES = (1e300, -1e300, 1e40, -1e40, 1e20, 1e-40, 1e-300, 5e-324)
 # What fits an argument, by the names above.
 REAL = frozenset({"negative", "zero", "half"})
 POSITIVE = frozenset({"half"})
@@ -110,6 +111,24 @@ def answers(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
             if bad not in argument.fits:
                 what = fault(partial(call, **{name: value}), (name, *argument.called), _evidence(value))
                 yield name, bad, Fault(call.name, name, bad, what) if what else None
+
+
+def extremes(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield argument, number and the fault of the answer to numbers of extreme size, where a number fits.
+
+    Such a number is refused with a sentence, or taken without a warning and without NaN in the result.
+    """
+    for name, argument in call.arguments.items():
+        for number in EXTREMES if "half" in argument.fits else ():
+            try:
+                result = call(**{name: number})
+                broken = isinstance(result, np.ndarray) and result.dtype.kind == "f" and bool(np.any(np.isnan(result)))
+                what = "accepted, with NaN in the result" if broken else ""
+            except REFUSALS as error:
+                what = sentence(error, (name, *argument.called))
+            except BaseException as error:  # whatever else is no answer, warnings included
+                what = f"{type(error).__name__}: {error}"[:300]
+            yield name, f"{number:g}", Fault(call.name, name, f"{number:g}", what) if what else None
 
 
 def fault(attempt: Callable[[], object], names: tuple[str, ...], value: tuple[str, ...] = ()) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 import input_files
 import input_models
 import input_ocp
-from input_call import BAD, Call, Fault, answers
+from input_call import BAD, Call, Fault, answers, extremes
 from stability_case import Case, Figure
 
 Answers = Iterable[tuple[str, str, Fault | None]]
@@ -29,7 +29,7 @@ def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[F
         for call in package():
             call()  # the valid call is one
             if call.arguments:
-                yield figure(answers(call))
+                yield figure((*answers(call), *extremes(call)))
 
     return measure
 

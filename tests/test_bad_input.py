@@ -6,7 +6,7 @@ import inspect
 
 import input_files
 import pytest
-from input_call import BAD, Fault, answers, fault
+from input_call import BAD, Fault, answers, extremes, fault
 from stability_case import run
 from stability_input import CASES, PARTS, figure
 
@@ -92,6 +92,12 @@ def test_bad_values_are_refused_in_one_sentence(name):
     call = CALLS[name]
     call()
     faults = [str(fault) for _, _, fault in answers(call) if fault is not None]
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize("name", sorted(CALLS))
+def test_numbers_of_extreme_size_are_refused_or_taken_without_nan(name):
+    faults = [str(fault) for _, _, fault in extremes(CALLS[name]) if fault is not None]
     assert not faults, "\n".join(faults)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from models.manipulator import Manipulator
 from models.parameters import Parameter, Value, number
 from models.terms import Effect, Quantity, Terms, name_of
+from ocp.system import argument
 
 Entry = ca.SX | float  # what enters the graph
 Each = Value | Sequence[Value]  # one value for all drives, or one for each
@@ -88,6 +89,8 @@ def read_fields(effect: Effect, *names: str) -> Fields:
         if (above is not None and raw <= above) or (least is not None and raw < least):
             wanted = f"> {above:g}" if above is not None else f">= {least:g}"
             raise ValueError(f"{name}: got {raw:g} {about['unit']}, expected a number {wanted}")
+        if above == 0.0 and raw < argument.SMALLEST:
+            raise argument.refused(name, raw, f"a number > 0, {argument.RANGE}")
         if not isinstance(value, Parameter):
             return raw
         nominal[name], symbols[name] = raw, ca.SX.sym(name)
