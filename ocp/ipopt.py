@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 import threading
@@ -37,6 +38,7 @@ CONTINUED = {"mu_init": NEAR, "warm_start_init_point": "yes"} | {
     f"warm_start_{name}": NEAR
     for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 }
+SOURCE = re.compile(r"\S+\.[ch]pp:\d+: ")  # place in a compiled source
 QUIET_SECONDS = 2.0  # a shorter solve shows no progress
 
 
@@ -71,6 +73,10 @@ class Ipopt:
             argument.truth("Ipopt: progress", self.progress)
         argument.whole("Ipopt: print_level", self.print_level, 0, 12)
         argument.mapping("Ipopt: extra", self.extra, "a dict option -> value")
+        for name, value in self.extra.items():
+            if not isinstance(name, str) or not isinstance(value, str | int | float | np.number):
+                told = f"{argument.shown(name)}: {argument.shown(value)}"
+                raise ValueError(f"Ipopt: extra has {told}, expected the name of an option and a number or a text")
 
     def options(self, warm: bool) -> dict[str, Any]:
         """Return the options for nlpsol; CasADi's own and IPOPT's are kept apart."""
@@ -134,7 +140,7 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
         return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch)
     except RuntimeError as error:
         told = argument.shown(dict(settings.extra))
-        why = str(error).strip().splitlines()[-1].strip()
+        why = SOURCE.sub("", str(error).strip().splitlines()[-1])
         raise ValueError(f"Ipopt: extra is {told}, expected options of IPOPT ({argument.shown(why)})") from None
 
 

@@ -62,11 +62,16 @@ class Sampled:
     inset: float  # how far inside its ends the piece is seen [s]
     a: float  # [s]
     b: float  # [s]
+    nu: int  # number of controls
 
     def __call__(self, t: float) -> Array:
         """Return u(t), shape (nu,)."""
         inside = min(max(t, self.a + self.inset), self.b - self.inset)
-        return np.array(self.function(inside), dtype=float).ravel()
+        value = argument.real(self.function(inside))
+        if value is None or value.size != self.nu:
+            wanted = f"a function that returns {self.nu} numbers at t = {inside:.9g} s, too"
+            raise argument.refused("control", self.function if value is None else value, wanted)
+        return value.ravel()
 
     def sample(self, times: Array) -> Array:
         """Return u at times (K,), shape (K, nu)."""
@@ -111,7 +116,7 @@ def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, 
         if a == b:
             return
         if callable(control):
-            yield Piece(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b))
+            yield Piece(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b, nu))
         else:
             yield Piece(stops(a, b), Polynomial(a, b - a, np.zeros(1), first[None, :], np.ones_like))
 

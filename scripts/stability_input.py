@@ -10,6 +10,7 @@ from pathlib import Path
 import input_files
 import input_models
 import input_ocp
+import input_pairs
 from input_call import BAD, Call, Fault, answers, extremes
 from stability_case import Case, Figure
 
@@ -34,6 +35,11 @@ def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[F
     return measure
 
 
+def _pairs() -> Iterator[Figure]:
+    for _, found in groupby(input_pairs.answers(), key=lambda answer: answer[0]):
+        yield figure(found)
+
+
 def _files() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         for _, found in groupby(input_files.answers(Path(folder)), key=lambda answer: answer[0]):
@@ -53,5 +59,6 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
 )
 CASES: tuple[Case, ...] = (
     *(Case("input", name, QUANTITY, "", _refused(package)) for name, package in PARTS),
+    Case("input", "parts that do not belong together", "answers that are not one sentence naming one", "", _pairs),
     Case("input", "broken files", "answers that are not one sentence naming the file", "", _files),
 )

@@ -5,6 +5,7 @@ import enum
 import inspect
 
 import input_files
+import input_pairs
 import pytest
 from input_call import BAD, Fault, answers, extremes, fault
 from stability_case import run
@@ -99,6 +100,13 @@ def test_bad_values_are_refused_in_one_sentence(name):
 def test_numbers_of_extreme_size_are_refused_or_taken_without_nan(name):
     faults = [str(fault) for _, _, fault in extremes(CALLS[name]) if fault is not None]
     assert not faults, "\n".join(faults)
+
+
+def test_parts_that_do_not_belong_together_are_refused_in_one_sentence():
+    found = list(input_pairs.answers())
+    faults = [str(fault) for _, _, fault in found if fault is not None]
+    assert not faults, "\n".join(faults)
+    assert len(found) > 70
 
 
 def test_broken_files_are_refused_in_one_sentence(tmp_path):

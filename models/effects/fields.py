@@ -68,6 +68,17 @@ class Fields:
         return value
 
 
+def present(fields: Fields, name: str, place: int, value: Any) -> Any:
+    """Return the entry of a drive where one is needed.
+
+    Raises:
+        ValueError: the drive has None there.
+    """
+    if value is None:
+        raise ValueError(f"{fields.prefix}.{name}_{place + 1}: got None, expected a number, as this drive has the rest")
+    return value
+
+
 def read_fields(effect: Effect, *names: str) -> Fields:
     """Check fields of an effect made by `quantity` and make symbols of those wrapped in `Parameter`.
 

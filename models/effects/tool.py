@@ -98,7 +98,11 @@ class ToolForce:
             returned = getattr(self, name)(*arguments)
             vector = returned if isinstance(returned, ca.SX) else ca.SX(ca.vertcat(*returned))
         except Exception as error:
-            raise ValueError(f"tool_force.{name}: the function of {', '.join(self.of)} failed: {error}") from error
+            told = argument.shown(str(error).split("\n", 1)[0])
+            raise ValueError(
+                f"tool_force.{name}: the function of {', '.join(self.of)} failed ({told}), expected one that returns "
+                "three expressions"
+            ) from error
         known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*arguments))}
         if vector.numel() != 3 or any(symbol.element_hash() not in known for symbol in ca.symvar(vector)):
             raise ValueError(
