@@ -51,6 +51,7 @@ class Recording:
             array = argument.real(given)
             if array is None:
                 raise argument.refused(name, given, "numbers")
+            array = array.copy()  # samples that change later are not those that have been checked
             if name != "t" and array.ndim == 1:
                 array = array[:, None]
             object.__setattr__(self, name, array)

@@ -121,7 +121,7 @@ def numbers(name: str, value: object, expected: str = "finite numbers", *, finit
         raise refused(name, value, expected)
     if finite and np.any(np.abs(array) > LARGEST):
         raise refused(name, value, f"{expected}, {RANGE}")
-    return array
+    return array.copy() if array is value else array
 
 
 def column(name: str, value: object, size: int | None = None, expected: str = "", *, finite: bool = True) -> Array:
@@ -189,9 +189,11 @@ def path(name: str, value: object) -> Path:
 
 
 def real(value: object) -> Array | None:
-    """Return real numbers as an array, None for anything else."""
+    """Return real numbers as an array (a float array itself, to be read only), None for anything else."""
     if type(value) is float:
         return np.array(value)
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return value  # asked for often, and read only
     if isinstance(value, list | tuple) and any(isinstance(part, bool | str | bytes) for part in value):
         return None
     if isinstance(value, ca.SX | ca.MX | str | bytes | dict | set | type(None)) or callable(value):

@@ -50,12 +50,12 @@ class Guess:
             or not (np.all(np.diff(share) >= 0.0) and share[0] == 0.0 and share[-1] == 1.0)
         ):
             raise argument.refused("Guess: share", self.share, "increasing numbers from 0 to 1")
-        object.__setattr__(self, "share", share)
+        object.__setattr__(self, "share", share.copy())
         for name in ("x", "u"):
             table = argument.real(getattr(self, name))  # a guess that is not finite is told by the solve
             if table is None:
                 raise argument.refused(f"Guess: {name}", getattr(self, name), "numbers, one row for each share")
-            object.__setattr__(self, name, table)
+            object.__setattr__(self, name, table.copy())
             rows = table.shape
             if len(rows) != 2 or rows[0] != len(share):
                 raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")

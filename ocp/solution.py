@@ -244,7 +244,9 @@ class Solution:
         Raises:
             ValueError: a time is not a number within the motion.
         """
-        t = self._times(t)
+        return self._place(self._times(t))
+
+    def _place(self, t: Array) -> tuple[Array, Array]:
         share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
         element = self.grid.locate(share)
         return element, (share - self.grid.ends[element]) / self.grid.widths[element]
@@ -259,8 +261,7 @@ class Solution:
         return np.atleast_1d(times)
 
     def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
-        times = self._times(t)
-        element, tau = self.locate(times)
+        element, tau = self._place(self._times(t))
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
 
