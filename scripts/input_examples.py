@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
+import tempfile
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -28,6 +32,14 @@ from ocp import (
 Q0, Q1 = [0.0, 0.2, 0.5], [0.5, 0.4, 0.7]
 EFFECTS: list[Effect] = [Gravity(Parameter(9.81)), Viscous(1.0)]
 NUMBERS: list[Effect] = [Gravity(), Viscous(1.0)]
+
+
+@cache
+def folder() -> Path:
+    """Return a folder for files that are written on the way; it goes with the process."""
+    made = tempfile.mkdtemp(prefix="hamel_")
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    return Path(made)
 
 
 @cache

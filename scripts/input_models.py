@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import os
-import tempfile
 from pathlib import Path
 
 import input_examples as example
@@ -30,7 +28,6 @@ from models import Motion, effects, forms
 from ocp import System
 
 A = Argument
-FOLDER, OWN = Path(tempfile.gettempdir()), f"hamel_input_{os.getpid()}"
 
 
 def machines() -> tuple[Call, ...]:
@@ -65,10 +62,10 @@ def machines() -> tuple[Call, ...]:
         Call("models.right_hand_side", models.right_hand_side, {
             "system": A(example.system()), "name": A("rate", frozenset({"text"}))}),
         Call("models.write_code", models.write_code, {
-            "functions": A([models.right_hand_side(example.system())]), "path": A(FOLDER / f"{OWN}.c")}),
+            "functions": A([models.right_hand_side(example.system())]), "path": A(example.folder() / "input.c")}),
         Call("models.write_function", models.write_function, {
             "function": A(models.right_hand_side(example.system())),
-            "path": A(FOLDER / f"{OWN}.casadi", frozenset({"text"}))}),
+            "path": A(example.folder() / "input.casadi", frozenset({"text"}))}),
     )  # fmt: skip
 
 
@@ -197,7 +194,7 @@ def motions() -> tuple[Call, ...]:
 def _written(suffix: str) -> Path:
     """Write the samples as a file that can be read."""
     noisy = example.samples()
-    path = FOLDER / f"{OWN}.{suffix}"
+    path = example.folder() / f"input.{suffix}"
     rows = np.column_stack([noisy.times, noisy.samples])  # type: ignore[list-item]
     if suffix == "csv":
         np.savetxt(path, rows, delimiter=",", header="t,q1,q2,q3", comments="")

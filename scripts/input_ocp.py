@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from pathlib import Path
-
 import casadi as ca
 import input_examples as example
 import numpy as np
@@ -30,7 +26,6 @@ from ocp import Control, Fixed, integrators
 from ocp.constraint import Where
 
 A = Argument
-FILE = Path(tempfile.gettempdir()) / f"hamel_input_{os.getpid()}.npz"
 NAN_TOLD = frozenset({"table"})  # a guess with NaN is told by the solve, which fails by value
 
 
@@ -190,7 +185,8 @@ def solves() -> tuple[Call, ...]:
     guess = {"guess": A(example.guess(), OPTIONAL)}
     times = A([0.0, 0.1], frozenset({"zero"}))
     both = {"solution": A(solution), "problem": A(None, OPTIONAL)}
-    ocp.save(solution, FILE)
+    file = example.folder() / "solution.npz"
+    ocp.save(solution, file)
     phases, later = example.sequence_solution(), frozenset({"zero", "half"})
     return (
         Call("ocp.prepare", ocp.prepare, {"problem": A(problem), **common, **guess}),
@@ -222,8 +218,8 @@ def solves() -> tuple[Call, ...]:
         Call("Solution.samples", solution.samples, {
             "tau": A(np.array([0.0, 0.5]), frozenset({"zero", "half", "falling"}))}),
         Call("SequenceSolution.signal", phases.signal, {"signal": A("q"), "t": A([0.0, 0.1], later)}),
-        Call("ocp.save", ocp.save, {"solution": A(solution), "path": A(FILE, frozenset({"text"}))}),
-        Call("ocp.load", ocp.load, {"path": A(FILE), "problem": A(None, OPTIONAL)}),
+        Call("ocp.save", ocp.save, {"solution": A(solution), "path": A(file, frozenset({"text"}))}),
+        Call("ocp.load", ocp.load, {"path": A(file), "problem": A(None, OPTIONAL)}),
         Call("Structure.switches", ocp.Structure((_row(),), ()).switches, {"name": A("u", NOTHING, ("row",))}),
     )  # fmt: skip
 
