@@ -12,6 +12,7 @@ from models.inertia import check_mass, check_moment
 from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, lists_its_parameters, read, unit_of
+from ocp.system import argument
 
 
 @lists_its_parameters
@@ -52,6 +53,7 @@ def cylindrical(
     """
     numbers = dict(A=A, m_2=m_2, m_3=m_3, Theta_1_33=Theta_1_33, Theta_2_33=Theta_2_33, Theta_3_33=Theta_3_33, l_T=l_T)
     p = read(numbers, unit_of)
+    argument.truth("physical", physical)
     if physical:
         for name in ("m_2", "m_3"):
             check_mass(name, p.nominal[name])

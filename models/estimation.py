@@ -30,7 +30,7 @@ from models.parameters import Parameter
 from models.response import lag, oscillation
 from models.terms import Effect, name_of
 from models.torques import inverse_dynamics, recover
-from ocp.system import System
+from ocp.system import System, argument
 
 Array = np.ndarray
 PLACES = np.linspace(0.0, 1.0, 9)  # on each element of the solution
@@ -111,6 +111,14 @@ def estimate(
     Raises:
         TypeError, ValueError: as `inverse_dynamics`.
     """
+    argument.instance("system", system, System, "a System, a form of the machine")
+    if isinstance(solution, type) or not (hasattr(solution, "values") and hasattr(solution, "samples")):
+        raise TypeError(f"solution: got {argument.shown(solution)}, expected a Solution")
+    if candidates is not None:
+        argument.instance("candidates", candidates, list | tuple, "a list of effects, or None")
+        for candidate in candidates:
+            if isinstance(candidate, type) or not callable(candidate):
+                raise TypeError(f"candidates: got {argument.shown(candidate)}, expected an effect such as Gravity()")
     t, x, rate, _ = solution.samples(PLACES)
     values = dict(solution.values)
     p = np.array([values.get(name, value) for name, value in system.nominal.items()])[:, None]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from ocp.system import System
+from ocp.system import System, argument
 
 
 def right_hand_side(system: System, name: str = "rate") -> ca.Function:
@@ -19,6 +19,10 @@ def right_hand_side(system: System, name: str = "rate") -> ca.Function:
         system: from lagrange, hamel or canonical, or any other.
         name: of the function.
     """
+    argument.instance("system", system, System, "a System")
+    argument.text("name", name, "the name of the function")
+    if not ca.Function.check_name(name):
+        raise argument.refused("name", name, "letters, digits and single underscores, a letter first")
     return ca.Function(name, [system.x, system.u, system.p], [ca.densify(system.rate)], ["x", "u", "p"], ["rate"])
 
 
@@ -41,7 +45,10 @@ def write_code(functions: Sequence[ca.Function], path: str | os.PathLike[str]) -
 
     Source: CasADi user guide, C-code generation.
     """
-    target = Path(path)
+    target = argument.path("path", path)
+    argument.instance("functions", functions, list | tuple, "CasADi Functions")
+    for function in functions:
+        argument.instance("functions, each", function, ca.Function, "a CasADi Function")
     names = [function.name() for function in functions]
     if not names or len(set(names)) < len(names):
         raise ValueError(f"write_code: got functions named {names}, expected at least one and no name twice")
@@ -68,7 +75,8 @@ def write_function(function: ca.Function, path: str | os.PathLike[str]) -> Path:
     Raises:
         OSError: the file cannot be written.
     """
-    target = Path(path)
+    target = argument.path("path", path)
+    argument.instance("function", function, ca.Function, "a CasADi Function")
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         part = Path(folder, target.name)
         function.save(os.fspath(part))

@@ -11,6 +11,7 @@ import numpy as np
 
 from models.piecewise import Array
 from models.sampling import evaluate
+from ocp.system import argument
 
 ORDERS = 6  # derivatives of order 0 .. 5 are formed
 
@@ -42,11 +43,11 @@ class ExpressionCurve:
                     value = q(t)
             except Exception as error:  # whatever a function of floats raises for a symbol
                 raise TypeError(
-                    f"q: the function cannot be called with a CasADi symbol ({error}); write it with casadi.sin ... or "
-                    "numpy.sin ..., or give v and a as functions too"
+                    f"q: the function cannot be called with a CasADi symbol ({argument.shown(error)}); "
+                    "write it with casadi.sin ... or numpy.sin ..., or give v and a as functions too"
                 ) from None
         else:
-            raise TypeError(f"q: got {q!r}, expected a function of t or a CasADi Function")
+            raise TypeError(f"q: got {argument.shown(q)}, expected a function of t or a CasADi Function")
         if isinstance(value, list | tuple | np.ndarray):
             value = ca.vertcat(*np.ravel(np.array(value, dtype=object)).tolist())
         column = ca.densify(ca.vec(ca.SX(value)))

@@ -58,7 +58,9 @@ def check_tensor(body: int, nominal: Mapping[str, float]) -> None:
     moments = np.linalg.eigvalsh(tensor)
     listed = ", ".join(f"{moment:g}" for moment in moments)
     if moments[0] <= 0.0:
-        raise ValueError(f"{names}: inertia tensor with principal moments {listed} kg m^2 is not positive definite")
+        raise ValueError(
+            f"{names}: inertia tensor with principal moments {listed} kg m^2 is not positive definite; give moments > 0"
+        )
     if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDING):
         raise ValueError(
             f"{names}: principal moments {listed} kg m^2 break the triangle inequality "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.piecewise import Array
+from ocp.system import argument
 
 # A limit counts as exceeded beyond this share of it.
 SLACK = 1e-9
@@ -39,8 +40,8 @@ class Envelope:
     def __post_init__(self) -> None:
         for name in ("peak", "speed", "corner", "continuous", "power"):
             value = getattr(self, name)
-            if value is not None and not (isinstance(value, int | float | np.number) and value > 0.0):
-                raise ValueError(f"Envelope: {name} is {value!r}, expected a number > 0")
+            if value is not None or name != "corner":
+                argument.number(f"Envelope: {name}", value, "a number > 0", above=0.0, finite=False)
         if self.corner is not None and not (self.corner <= self.speed < np.inf):
             raise ValueError(
                 f"Envelope: corner {self.corner:g} needs a finite no-load speed beyond it, got {self.speed:g}"
@@ -48,7 +49,7 @@ class Envelope:
 
     def torque(self, speed: Array) -> Array:
         """Return the largest torque (K,) at speeds (K,) of either sign."""
-        size = np.abs(speed)
+        size = np.abs(argument.numbers("speed", speed, "numbers", finite=False))
         corner = self.speed if self.corner is None else self.corner
         with np.errstate(invalid="ignore", divide="ignore"):
             falling = self.peak * (self.speed - size) / (self.speed - corner)

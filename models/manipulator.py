@@ -9,6 +9,7 @@ import casadi as ca
 
 from models.frames import Frame
 from models.inverse_kinematics import Inverse
+from ocp.system import argument
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,13 @@ class Manipulator:
             ValueError: no such frame, or the frame is singular for these parameters.
         """
         if not isinstance(name, str) or name not in self.frames:
-            raise ValueError(f"{self.name} has no frame {name!r}; it has {', '.join(self.frames)}")
+            told = argument.shown(name)
+            raise ValueError(f"{self.name} has no frame {told}; it has {', '.join(self.frames)}")
         n = len(self.coordinates)
+        if added is not None:
+            argument.expression("added", added, f"a metric ({n}, {n}) as an expression, or None")
+            if added.shape != (n, n):
+                raise ValueError(f"added: has shape {added.shape}, expected ({n}, {n})")
         return self.frames[name](ca.SX(n, n) if added is None else added)
 
 

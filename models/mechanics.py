@@ -11,6 +11,7 @@ import casadi as ca
 from models.frames import Frame, curl, fixed, partial_derivative
 from models.manipulator import Manipulator
 from models.terms import Effect, Part, Quantity, Terms, gather
+from ocp.system import argument
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +195,7 @@ def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:
         TypeError, ValueError: see `models.terms.gather`.
     """
     if not isinstance(machine, Manipulator):
-        raise TypeError(f"machine: got {machine!r}, expected a Manipulator such as spherical()")
+        raise TypeError(f"machine: got {argument.shown(machine)}, expected a Manipulator such as spherical()")
     return Mechanics(machine, gather(machine, effects))
 
 

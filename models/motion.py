@@ -14,7 +14,7 @@ from models.expressions import ExpressionCurve, FunctionCurve
 from models.loads import Envelope
 from models.manipulator import Manipulator
 from models.piecewise import Array, Piecewise, dense
-from models.recording import Recording, read_trajectory
+from models.recording import Recording, check_labels, check_rows, read_trajectory
 from models.samples import Differences, fit
 from models.sampling import Progress
 from models.smoothing import Smoothed
@@ -23,7 +23,7 @@ from models.splines import Ends, at_rest, interpolate
 from models.table_file import read_csv
 from models.terms import Effect
 from models.torque_table import TorqueTable, tabulate
-from ocp.system import Label, System
+from ocp.system import Label, System, argument
 
 Curve = Callable[[Array, int], Array]  # times (K,), order of the derivative -> (K, n)
 # Times outside the motion by less than this share of the duration are rounding.
@@ -76,8 +76,9 @@ class Motion:
 
     def derivative(self, t: Array | float, order: int) -> Array:
         """Return d^order q / dt^order at times t [s] within the motion, shape as `q`."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
         slack = OUTSIDE * self.duration
+        argument.whole("order", order, 0, 5)
+        times = argument.places("t", t, "times in s within the motion, one or (K,)", least=1)
         if not np.all((times >= self.start - slack) & (times <= self.end + slack)):
             asked = f"{np.min(times):g} .. {np.max(times):g} s"
             raise ValueError(f"t: got {asked}, the motion runs from {self.start:g} to {self.end:g} s")
@@ -107,9 +108,9 @@ class Motion:
         Raises:
             TypeError, ValueError: as `inverse_dynamics`; sizes or times that do not fit.
         """
-        chosen = self.times if times is None else np.array(times, dtype=float)
+        chosen = argument.numbers("times", self.times if times is None else times)
         if chosen.ndim != 1 or len(chosen) < 2 or not np.all(np.diff(chosen) > 0.0):
-            raise ValueError("times: expected at least two increasing times")
+            raise argument.refused("times", times, "at least two increasing times")
         covariance = None if self.smoothed is None else self.smoothed.covariance
         return tabulate(
             machine, effects, chosen, self.derivative, smoothness=self.smoothness, values=values,
@@ -169,6 +170,7 @@ class Motion:
         Raises:
             ValueError: shapes disagree, times do not increase, wrong end conditions.
         """
+        check_rows("times", times, "waypoints", waypoints)
         points = Recording(times, waypoints)  # type: ignore[arg-type]
         spline = interpolate(points.t, points.q, degree, at_rest(degree) if ends is None else ends)
         return cls.piecewise(spline, points.labels, degree - 1)
@@ -251,16 +253,26 @@ class Motion:
         Raises:
             TypeError, ValueError: q is none of these.
         """
+        for name, function in (("v", v), ("a", a)):
+            if function is not None and (isinstance(function, type) or not callable(function)):
+                raise TypeError(f"{name}: got {argument.shown(function)}, expected a function of times, or None")
         given = v is not None and a is not None
         curve = FunctionCurve((q, v, a)) if given else ExpressionCurve.of(q)  # type: ignore[arg-type]
-        if not (math.isfinite(start) and math.isfinite(end) and end > start):
+        start, end = argument.number("start", start), argument.number("end", end)
+        if not end > start:
             raise ValueError(f"start, end: got {start}, {end} s, expected start < end")
+        check_labels(labels)
+        argument.number("smoothness", smoothness, "an order of a derivative, or inf", finite=False)
         n = curve(np.array([start]), 0).shape[1]
         return cls(curve, start, end, labels or numbered(n), smoothness, np.empty(0), dense(np.array([start, end])))
 
     @classmethod
     def piecewise(cls, curve: Piecewise, labels: tuple[Label, ...] = (), smoothness: float | None = None) -> Motion:
         """Return the motion of a piecewise polynomial; its smoothness is found out if it is not known."""
+        argument.instance("curve", curve, Piecewise, "a Piecewise polynomial")
+        check_labels(labels)
+        if smoothness is not None:
+            argument.number("smoothness", smoothness, "an order of a derivative, inf, or None", finite=False)
         breaks, n = curve.breaks, curve.coefficients.shape[2]
         labels = labels or numbered(n)
         smoothness = curve.smoothness() if smoothness is None else smoothness
@@ -269,6 +281,7 @@ class Motion:
     @classmethod
     def recorded(cls, recording: Recording, *, noise: float | Sequence[float] | None = None) -> Motion:
         """Return the motion of a Recording; see `from_samples`."""
+        argument.instance("recording", recording, Recording, "a Recording")
         curve, smoothness, smoothed, notes = fit(recording, noise)
         t, labels = recording.t, recording.labels
         return cls(curve, float(t[0]), float(t[-1]), labels, smoothness, np.empty(0), t, smoothed, recording.q, notes)
@@ -276,6 +289,7 @@ class Motion:
 
 def labels_of(machine: Manipulator | None) -> tuple[Label, ...]:
     """Return names and units of the coordinates of a machine; none without one."""
+    argument.instance("machine", machine, Manipulator | None, "a Manipulator such as spherical(), or None")
     return () if machine is None else tuple(Label(c.name, c.unit) for c in machine.coordinates)
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ParamSpec, TypeVar
 
 import casadi as ca
-import numpy as np
+
+from ocp.system import argument
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 class Parameter:
     """A parameter that stays a symbol, so that one programme serves many of its values."""
 
-    value: float  # nominal value, unit of the argument it is given for
+    value: float  # nominal value, unit of the argument it is given for; checked there, where it has a name
 
 
 @dataclass(frozen=True)
@@ -58,20 +58,11 @@ def number(name: str, value: object, unit: str) -> float:
     Raises:
         ValueError: not one finite real number.
     """
-    expected = f"expected one finite number in {unit}"
+    expected = f"one finite number in {unit}"
     if isinstance(value, ca.SX | ca.MX):
-        raise ValueError(
-            f"{name}: got the symbol {value}, {expected}, or Parameter(number) for one that stays a symbol"
-        )
-    if value is None or np.asarray(value).dtype.kind in "bcSU":
-        raise ValueError(f"{name}: got {value!r}, {expected}")
-    try:
-        result = float(np.asarray(value, dtype=float).item())
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: got {value!r}, {expected}") from None
-    if not math.isfinite(result):
-        raise ValueError(f"{name}: got {result}, {expected}")
-    return result
+        told = f"{name}: got the symbol {argument.shown(value)}, expected {expected}"
+        raise ValueError(f"{told}, or Parameter(number) for one that stays a symbol")
+    return argument.number(name, value, expected)
 
 
 def read(given: Mapping[str, Default], unit_of: Callable[[str], str], prefix: str = "") -> Parameters:

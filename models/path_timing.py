@@ -19,7 +19,7 @@ from models.solution_curve import Recorded
 from models.splines import Ends, interpolate, natural
 from models.terms import Effect
 from models.torques import inverse_dynamics
-from ocp.system import Label, System
+from ocp.system import Label, System, argument
 
 
 def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | None = None) -> Motion:
@@ -33,9 +33,12 @@ def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | N
     Raises:
         ValueError: fewer than two waypoints, or two in succession are the same.
     """
-    rows = [points(f"waypoint {k}", row) for k, row in enumerate(np.atleast_1d(np.asarray(waypoints)), 1)]
-    if len(rows) < 2 or len({len(row) for row in rows}) != 1:
-        raise ValueError("waypoints: expected at least two, with as many coordinates each")
+    wanted = "at least two, with as many coordinates each"
+    if not isinstance(waypoints, list | tuple | np.ndarray) or np.size(np.array(waypoints, dtype=object)) < 2:
+        raise argument.refused("waypoints", waypoints, wanted)
+    rows = [points(f"waypoint {k}", row) for k, row in enumerate(waypoints, 1)]
+    if len({len(row) for row in rows}) != 1:
+        raise argument.refused("waypoints", waypoints, wanted)
     q = np.stack(rows)
     chords = np.linalg.norm(np.diff(q, axis=0), axis=1)
     if np.any(chords == 0.0):
@@ -68,6 +71,8 @@ def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -
     Source: J. E. Bobrow, S. Dubowsky, J. S. Gibson, Time-optimal control of robotic manipulators along specified
         paths, Int. J. Robotics Research 4 (1985).
     """
+    argument.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
+    argument.instance("path", path, Motion, "a path such as path_through(waypoints)")
     n = len(machine.coordinates)
     if len(path.labels) != n:
         raise ValueError(f"the path has {len(path.labels)} coordinates, {machine.name} has {n}")
@@ -113,6 +118,7 @@ def timed(path: Motion, solution: Recorded) -> Motion:
     Raises:
         ValueError: the solution is of another kind of system, or leaves the path.
     """
+    argument.instance("path", path, Motion, "a path such as path_through(waypoints)")
     s, ds, dds = ca.SX.sym("s"), ca.SX.sym("ds"), ca.SX.sym("dds")
     x, law = ca.vertcat(s, ds), {"q": s, "v": ds}
     law_system = System(x, dds, ca.SX(0, 1), ca.vertcat(ds, dds), law)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from models.piecewise import Array, Piecewise, hermite
+from ocp.system import argument
 
 
 def rest_to_rest(q0: object, q1: object, duration: float, orders: int) -> Piecewise:
@@ -70,21 +71,12 @@ def s_curve(
 
 def points(name: str, value: object) -> Array:
     """Return finite numbers as an array (n,), or raise a sentence that names them."""
-    try:
-        array = np.atleast_1d(np.array(value, dtype=float))
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: got {value!r}, expected numbers") from None
-    if array.ndim != 1 or not array.size or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name}: got {value!r}, expected finite numbers, one for each coordinate")
-    return array
+    return argument.column(name, value, expected="finite numbers, one for each coordinate")
 
 
 def positive(name: str, value: object) -> float:
     """Return a number of seconds > 0, or raise a sentence that names it."""
-    number = points(name, value)
-    if number.size != 1 or number[0] <= 0.0:
-        raise ValueError(f"{name}: got {value!r}, expected one number > 0")
-    return float(number[0])
+    return argument.number(name, value, "one number > 0", above=0.0)
 
 
 def same_size(q0: Array, q1: Array) -> None:
@@ -101,8 +93,8 @@ def _line(q0: object, q1: object, **given: object) -> tuple[Array, Array, list[f
     limits = []
     for name, value in given.items():
         limit = points(name, value)
-        if limit.size not in (1, step.size) or np.any(limit <= 0.0):
-            raise ValueError(f"{name}: got {value!r}, expected 1 or {step.size} limits > 0")
+        if limit.size not in (1, step.size) or np.any(limit < argument.SMALLEST):
+            raise argument.refused(name, value, f"1 or {step.size} limits > 0, {argument.RANGE}")
         moving = step != 0.0
         if not np.any(moving):
             raise ValueError("q0 equals q1: nothing moves, so the limits do not fix a duration")

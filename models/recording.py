@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from models.piecewise import Array
-from ocp.system import Label
+from ocp.system import Label, argument
 
 # Angles beyond this without a unit are taken for degrees [rad].
 SUSPICIOUS = 4.0 * np.pi
@@ -48,10 +48,10 @@ class Recording:
             given: object = getattr(self, name)
             if given is None and name in ("v", "a"):
                 continue
-            try:
-                array = np.array(given, dtype=float)
-            except (TypeError, ValueError):
-                raise ValueError(f"{name}: got {type(given).__name__}, expected numbers") from None
+            array = argument.real(given)
+            if array is None:
+                raise argument.refused(name, given, "numbers")
+            array = array.copy()  # samples that change later are not those that have been checked
             if name != "t" and array.ndim == 1:
                 array = array[:, None]
             object.__setattr__(self, name, array)
@@ -64,14 +64,14 @@ class Recording:
             if part is not None and part.shape != q.shape:
                 raise ValueError(f"{name} has shape {part.shape}, q has shape {q.shape}; they must agree")
         for name, part in (("t", t), ("q", q), ("v", self.v), ("a", self.a)):
-            if part is not None and not np.all(np.isfinite(part)):
-                row = int(np.flatnonzero(~np.isfinite(part.reshape(len(t), -1)).all(axis=1))[0])
-                raise ValueError(f"{name} is not finite in sample {row + 1} of {len(t)} (NaN or infinite)")
+            if part is not None:
+                _check_finite(name, part)
         falling = np.flatnonzero(np.diff(t) <= 0.0)
         if len(falling):
             k = int(falling[0])
             what = "repeated" if t[k] == t[k + 1] else "not increasing"
-            raise ValueError(f"times are {what}: sample {k + 1} at {t[k]:.9g} s, sample {k + 2} at {t[k + 1]:.9g} s")
+            told = f"times are {what}: sample {k + 1} at {t[k]:.9g} s, sample {k + 2} at {t[k + 1]:.9g} s"
+            raise ValueError(f"{told}; give increasing ones")
         if self.v is not None:
             self._check_velocities(self.v)
         if not self.labels:
@@ -90,6 +90,33 @@ class Recording:
             raise ValueError(f"velocity {i + 1} is not the rate of coordinate {i + 1}: about {ratio:.3g} times{hint}")
 
 
+def check_rows(times_name: str, times: object, name: str, rows: object) -> None:
+    """Refuse rows (K, n) that are not one for each of K times, by the names that the user gave them."""
+    t, q = argument.real(times), argument.real(rows)
+    if t is None or t.ndim != 1:
+        raise argument.refused(times_name, times, "increasing times (K,)")
+    if q is None or q.ndim not in (1, 2):
+        raise argument.refused(name, rows, "finite numbers (K, n)")
+    if len(t) != len(q):
+        raise ValueError(f"{name}: has {len(q)} rows, {times_name} has {len(t)}, expected one row for each time")
+    _check_finite(times_name, t)
+    _check_finite(name, q)
+
+
+def _check_finite(name: str, rows: Array) -> None:
+    wrong = np.flatnonzero(~np.isfinite(rows.reshape(len(rows), -1)).all(axis=1))
+    if len(wrong):
+        raise ValueError(
+            f"{name} is not finite in sample {wrong[0] + 1} of {len(rows)} (NaN or infinite), expected numbers"
+        )
+
+
+def check_labels(labels: object) -> None:
+    """Refuse what is no tuple of Labels."""
+    if not isinstance(labels, tuple | list) or not all(isinstance(label, Label) for label in labels):
+        raise TypeError(f"labels: got {argument.shown(labels)}, expected a tuple of Labels")
+
+
 def read_trajectory(path: str | os.PathLike[str], names: Sequence[str] = ()) -> Recording:
     """Read a ROS trajectory_msgs/JointTrajectory, as JSON or (with the extra `ros`) as YAML.
 
@@ -102,7 +129,7 @@ def read_trajectory(path: str | os.PathLike[str], names: Sequence[str] = ()) -> 
         ValueError: no trajectory; the sentence says what is missing.
         ImportError: YAML without PyYAML.
     """
-    file = Path(path)
+    file = argument.path("path", path)
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -135,7 +162,8 @@ def trajectory(message: Any, names: Sequence[str] = ()) -> Recording:
         t.append(_seconds(point["time_from_start"], k))
         for key, column in columns.items():
             row = point.get(key) or []
-            if row and not (isinstance(row, list) and len(row) == len(joints)):
+            numbers = isinstance(row, list) and not any(isinstance(value, bool | str) for value in row)
+            if row and not (numbers and len(row) == len(joints)):
                 raise ValueError(f"point {k}: {key} must be a list of {len(joints)} numbers, one for each joint")
             column.append(row)
     filled = {key: [bool(row) for row in column] for key, column in columns.items()}
@@ -150,7 +178,8 @@ def trajectory(message: Any, names: Sequence[str] = ()) -> Recording:
     elif names and len(names) == len(joints):
         notes.append(f"joints {', '.join(joints)} are taken for {', '.join(names)}, in this order")
     values = {
-        key: np.array(column, dtype=float)[:, order] if all(filled[key]) else None for key, column in columns.items()
+        key: argument.numbers(key, column, "lists of finite numbers")[:, order] if all(filled[key]) else None
+        for key, column in columns.items()
     }
     positions = values["positions"]
     assert positions is not None
@@ -205,7 +234,8 @@ def _seconds(value: Any, k: int) -> float:
             if whole in value:
                 parts = value[whole], value.get(fraction, 0)
                 if all(isinstance(part, int | float) for part in parts):
-                    return float(parts[0]) + 1e-9 * float(parts[1])
+                    told = f"point {k}: time_from_start"
+                    return argument.number(told, parts[0]) + 1e-9 * argument.number(told, parts[1])
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    raise ValueError(f"point {k}: time_from_start is {value!r}, expected seconds, or sec and nanosec")
+        return argument.number(f"point {k}: time_from_start", value)
+    raise ValueError(f"point {k}: time_from_start is {argument.shown(value)}, expected seconds, or sec and nanosec")

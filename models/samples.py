@@ -11,6 +11,7 @@ from models.piecewise import Array, Piecewise, hermite
 from models.recording import Recording
 from models.smoothing import Smoothed, smooth
 from models.splines import accelerations, interpolate, natural
+from ocp.system import argument
 
 Fit = tuple[Piecewise, float, Smoothed | None, tuple[str, ...]]  # curve, smoothness, smoothing spline, notes
 
@@ -64,12 +65,14 @@ class Differences:
 def _level(noise: float | Sequence[float] | None, n: int) -> Array | None:
     if noise is None:
         return None
-    try:
-        level = np.broadcast_to(np.array(noise, dtype=float), (n,))
-    except (TypeError, ValueError):
-        raise ValueError(f"noise: got {noise!r}, expected one standard deviation or {n}, in rad or m") from None
+    given = argument.real(noise)
+    if given is None or given.shape not in ((), (1,), (n,)):
+        raise argument.refused("noise", noise, f"one standard deviation or {n}, in rad or m")
+    level = np.broadcast_to(given, (n,))
     if not (np.all(np.isfinite(level)) and np.all(level >= 0.0)):
-        raise ValueError(f"noise: got {noise!r}, expected standard deviations >= 0 in rad or m")
+        raise argument.refused("noise", noise, "standard deviations >= 0 in rad or m")
+    if np.any((level > 0.0) & (level < argument.SMALLEST)) or np.any(level > argument.LARGEST):
+        raise argument.refused("noise", noise, f"0, or standard deviations {argument.RANGE} in rad or m")
     if np.any(level) and not np.all(level):
         raise ValueError(f"noise: got {noise!r}; give a level > 0 for every coordinate, or 0 for all")
     return level

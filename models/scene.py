@@ -12,7 +12,7 @@ from models.frames import Frame
 from models.manipulator import Manipulator
 from models.price import Price, instructions, prices
 from models.terms import Effect, name_of
-from ocp.system import System
+from ocp.system import System, argument
 
 Form = Callable[[Manipulator, Sequence[Effect], str | Frame | None], System]
 
@@ -39,9 +39,11 @@ class Scene:
     system: System = field(init=False, repr=False)  # x' = f(x, u, p) with its signals
 
     def __post_init__(self) -> None:
-        if not callable(self.form):
-            raise TypeError(f"Scene: form is {self.form!r}, expected canonical, hamel or lagrange")
+        if not callable(self.form) or isinstance(self.form, type):
+            told = argument.shown(self.form)
+            raise TypeError(f"Scene: form is {told}, expected canonical, hamel or lagrange")
         system = self.form(self.machine, self.effects, self.frame)
+        argument.instance("Scene: system of the form", system, System, "a System, as canonical, hamel or lagrange give")
         object.__setattr__(self, "effects", tuple(self.effects))
         object.__setattr__(self, "system", system)
 
@@ -80,7 +82,7 @@ class Scene:
         kept = tuple(other for other in self.effects if other is not effect)
         if len(kept) == len(self.effects):
             names = ", ".join(map(name_of, self.effects))
-            raise ValueError(f"this scene has no effect {effect!r}; it has {names or 'none'}")
+            raise ValueError(f"this scene has no effect {argument.shown(effect)}; it has {names or 'none'}")
         return Scene(self.machine, kept, self.form, self.frame)
 
     def card(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from models.piecewise import Array
 from models.sampling import evaluate
-from ocp.system import Label, System
+from ocp.system import Label, System, argument
 
 # dq/dt of the interpolant may differ from v at collocation points by this share before the states count as foreign.
 FOREIGN = 1e-4
@@ -64,6 +64,9 @@ class SolutionCurve:
         Raises:
             ValueError: no system, one without q and v, or one whose v is not dq/dt of the solution.
         """
+        argument.instance("system", system, System | None, "a System, or None for that of the solution")
+        if not all(hasattr(solution, name) for name in ("x", "rate", "duration", "nodes", "values")):
+            raise TypeError(f"solution: got {argument.shown(solution)}, expected a Solution")
         if system is None:
             if getattr(solution, "problem", None) is None:
                 raise ValueError("the solution was loaded without its problem; give the system whose states it holds")

@@ -13,6 +13,7 @@ from models.inertia import check_mass, check_moment, check_tensor
 from models.inverse_kinematics import NEAR, TINY, Array, Configurations
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, lists_its_parameters, read, unit_of
+from ocp.system import argument
 
 
 @lists_its_parameters
@@ -59,6 +60,7 @@ def spherical(
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, section 4, with the general T of 4.1.
     """
+    argument.truth("physical", physical)
     p = read(
         dict(
             s_2=s_2, m_2=m_2, m_3=m_3, Theta_1_33=Theta_1_33,

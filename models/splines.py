@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from models.piecewise import Array, Piecewise
+from ocp.system import argument
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +27,23 @@ class Ends:
     periodic: bool = False
 
 
+def check_degree(degree: object) -> None:
+    """Refuse a degree of a spline that is not an odd number from 3 to 99."""
+    whole = isinstance(degree, int | np.integer) and not isinstance(degree, bool)
+    if not whole or not 3 <= degree <= 99 or degree % 2 == 0:  # type: ignore[operator]
+        raise argument.refused("degree", degree, "an odd number >= 3, such as 5")
+
+
 def at_rest(degree: int) -> Ends:
     """Return the ends of a motion that starts and stops: the derivatives of order 1 .. (d - 1)/2 are zero."""
+    check_degree(degree)
     orders = range(1, (degree - 1) // 2 + 1)
     return Ends(dict.fromkeys(orders, 0.0), dict.fromkeys(orders, 0.0))
 
 
 def natural(degree: int) -> Ends:
     """Return the ends that leave the motion free: the derivatives of order (d + 1)/2 .. d - 1 are zero."""
+    check_degree(degree)
     orders = range((degree + 1) // 2, degree)
     return Ends(dict.fromkeys(orders, 0.0), dict.fromkeys(orders, 0.0))
 
@@ -52,8 +62,8 @@ def interpolate(times: Array, points: Array, degree: int, ends: Ends) -> Piecewi
 
     Source: C. de Boor, A Practical Guide to Splines, XIII (collocation in the B-spline basis).
     """
-    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or degree < 3 or degree % 2 == 0:
-        raise ValueError(f"degree: got {degree!r}, expected an odd number >= 3, such as 5")
+    check_degree(degree)
+    argument.instance("ends", ends, Ends, "Ends, such as at_rest(5) or natural(5), or None")
     n = points.shape[1]
     # The unknowns are those of time in units of the mean step, or high degrees lose digits in powers of small steps.
     unit = (times[-1] - times[0]) / (len(times) - 1)
@@ -70,9 +80,9 @@ def interpolate(times: Array, points: Array, degree: int, ends: Ends) -> Piecewi
             condition_values.append(np.zeros(n))
     for place, conditions in ((0, ends.start), (-1, ends.end)):
         for order, value in conditions.items():
-            if not 1 <= order < degree:
+            if isinstance(order, bool) or not isinstance(order, int) or not 1 <= order < degree:
                 raise ValueError(f"ends: a condition on derivative {order}, expected 1 .. {degree - 1}")
-            given = np.array(value, dtype=float) * unit**order
+            given = argument.numbers(f"ends: derivative {order}", value) * unit**order
             if given.size not in (1, n):
                 raise ValueError(f"ends: derivative {order} has {given.size} components, expected 1 or {n}")
             condition_rows.append(basis_rows(knots, degree, s[[place]], order))

@@ -13,7 +13,7 @@ import numpy as np
 
 from models.piecewise import Array
 from models.recording import SUSPICIOUS, Recording
-from ocp.system import Label
+from ocp.system import Label, argument
 
 TIME = ("t", "time")
 LONGEST = 65_536  # bytes of one line
@@ -45,7 +45,7 @@ def read_csv(path: str | os.PathLike[str], coordinates: Sequence[Label] = ()) ->
         OSError: no such file.
         ValueError: no table; the sentence names the column or the line that is wrong.
     """
-    file = Path(path)
+    file = argument.path("path", path)
     try:
         with file.open("rb") as stream:
             header = _header(stream)
@@ -65,7 +65,7 @@ def read_waypoints(path: str | os.PathLike[str], coordinates: Sequence[Label] = 
         OSError: no such file.
         ValueError: no table; the sentence names the column or the line that is wrong.
     """
-    file = Path(path)
+    file = argument.path("path", path)
     try:
         with file.open("rb") as stream:
             header = [("t", ""), *_header(stream)]  # a column of numbers 1 .. K in the place of the times
@@ -86,7 +86,7 @@ def column_names(path: str | os.PathLike[str]) -> list[str]:
         OSError: no such file.
         ValueError: no header.
     """
-    file = Path(path)
+    file = argument.path("path", path)
     try:
         with file.open("rb") as stream:
             names = [name for name, _ in _header(stream)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import casadi as ca
 
-from ocp.system import Side
+from ocp.system import Side, argument
 
 if TYPE_CHECKING:
     from models.manipulator import Body, Manipulator
@@ -148,13 +148,13 @@ def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
         TypeError: something that is no effect.
         ValueError: two effects define the same state, signal, parameter, drive, ...
     """
-    if callable(effects) or isinstance(effects, str | bytes):
-        raise TypeError(f"effects: got {effects!r}, expected a list of effects such as [Gravity()]")
+    argument.instance("effects", effects, list | tuple, "a list of effects such as [Gravity()]")
     total, parts = Terms(), list[Part]()
     for effect in effects:
         if isinstance(effect, type) or not callable(effect):
-            raise TypeError(f"effects: got {effect!r}, expected an effect such as Gravity()")
+            raise TypeError(f"effects: got {argument.shown(effect)}, expected an effect such as Gravity()")
         terms = effect(machine, total)
+        argument.instance(f"effects: {name_of(effect)} returned a value that", terms, Terms, "its Terms")
         total = total + terms
         same = sum(part.name.rstrip("_0123456789") == name_of(effect) for part in parts)
         parts.append(Part(f"{name_of(effect)}_{same + 1}" if same else name_of(effect), terms))

@@ -13,10 +13,11 @@ from models.inverse_kinematics import Configurations, Inverse, continuous, wrapp
 from models.manipulator import Manipulator
 from models.motion import Motion, labels_of
 from models.piecewise import Array
-from models.recording import Recording
+from models.recording import Recording, check_rows
 from models.sampling import evaluate
 from models.splines import at_rest, interpolate
 from models.tool_path import Polynomial, ToolPath
+from ocp.system import argument
 
 FINE = 2001  # places at which the solution is chosen, at least
 LEAP = 0.5  # largest step between two of them [rad or m]
@@ -79,6 +80,10 @@ def along_tool_path(
         ValueError: a point that cannot be reached, no continuous solution within the limits, or a singularity that
             the tool does not pass in a direction the machine can follow; the message says where and which.
     """
+    argument.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
+    argument.instance("law", law, Motion, "a motion s(t) of one coordinate")
+    if isinstance(path, type) or not callable(path) or not hasattr(path, "length"):
+        raise TypeError(f"path: got {argument.shown(path)}, expected a path such as line(start, end)")
     if machine.inverse is None:
         raise ValueError(f"{machine.name} has no inverse kinematics; give its motion in coordinates")
     if machine.symbols:
@@ -96,11 +101,14 @@ def along_tool_path(
         k = int(lost[0])
         raise ValueError(f"{_where(points[k], grid[k])} cannot be reached: {configurations.why(k)}")
     redundant = [i for i in range(n) if np.all(np.isnan(configurations.q[:, :, i])) and i not in _moving(machine)]
-    held = _held(machine, redundant, hold or {})
-    low, high = (np.full(n, -np.inf), np.full(n, np.inf)) if limits is None else (np.array(side) for side in limits)
-    begin = None if near is None else np.array(near, dtype=float)
-    if begin is not None and begin.shape != (n,):
-        raise ValueError(f"near: {begin.size} numbers, {machine.name} has {n} coordinates")
+    held = _held(machine, redundant, {} if hold is None else hold)
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    if limits is not None:
+        if not isinstance(limits, tuple | list) or len(limits) != 2:
+            raise argument.refused("limits", limits, f"lower and upper ({n},) of the coordinates")
+        low, high = (argument.column("limits", side, n, finite=False) for side in limits)
+    named = f"{n} finite numbers, one for each coordinate of {machine.name}"
+    begin = None if near is None else argument.column("near", near, n, named)
     chosen = continuous(configurations, angular, begin, (low, high))
     for i, value in held.items():
         chosen[:, i] = value
@@ -137,7 +145,8 @@ def through_tool_points(
     Raises:
         ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
     """
-    given = Recording(np.asarray(times), np.asarray(points))
+    check_rows("times", times, "points", points)
+    given = Recording(times, points)  # type: ignore[arg-type]
     if given.q.shape[1] != 3:
         raise ValueError(f"points: got the shape {given.q.shape}, expected (K, 3)")
     since = given.t - given.t[0]
@@ -196,11 +205,12 @@ def _moving(machine: Manipulator) -> set[int]:
 
 def _held(machine: Manipulator, redundant: list[int], hold: Mapping[str, float]) -> dict[int, float]:
     names = [c.name for c in machine.coordinates]
+    argument.mapping("hold", hold, "a dict coordinate -> value, or None")
     for name in hold:
         if name not in names or names.index(name) not in redundant:
             free = ", ".join(names[i] for i in redundant) or "no coordinate"
-            raise ValueError(f"hold: {name!r} is fixed by the tool or unknown; {free} may be held")
-    return {i: float(hold.get(names[i], 0.0)) for i in redundant}
+            raise ValueError(f"hold: {name!r} is fixed by the tool or unknown; there is {free} to be held")
+    return {i: argument.number(f"hold: {names[i]}", hold.get(names[i], 0.0)) for i in redundant}
 
 
 def _where(point: Array, t: float) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from models.piecewise import Array
 from models.splines import interpolate, natural
+from ocp.system import argument
 
 Point = Sequence[float] | Array
 
@@ -100,7 +101,7 @@ def sampled(points: Sequence[Point] | Array) -> Polynomial:
     Raises:
         ValueError: fewer than three points, or two of them in succession are the same.
     """
-    x = np.array(points, dtype=float)
+    x = argument.numbers("sampled", points, "at least three finite points (K, 3)")
     if x.ndim != 2 or x.shape[1] != 3 or len(x) < 3 or not np.all(np.isfinite(x)):
         raise ValueError(f"sampled: got the shape {x.shape}, expected at least three finite points (K, 3)")
     chords = np.linalg.norm(np.diff(x, axis=0), axis=1)
@@ -111,10 +112,4 @@ def sampled(points: Sequence[Point] | Array) -> Polynomial:
 
 
 def _point(name: str, value: Point) -> Array:
-    try:
-        point = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: got {value!r}, expected a point (x, y, z) in m") from None
-    if point.shape != (3,) or not np.all(np.isfinite(point)):
-        raise ValueError(f"{name}: got {value!r}, expected a point (x, y, z) in m")
-    return point
+    return argument.column(name, value, 3, "a point (x, y, z) in m")

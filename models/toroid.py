@@ -14,6 +14,7 @@ from models.inertia import check_mass, check_moment, check_tensor
 from models.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
 from models.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.parameters import Default, Follows, Parameters, lists_its_parameters, read, unit_of
+from ocp.system import argument
 
 
 @lists_its_parameters
@@ -70,6 +71,7 @@ def torus(
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, section 5.
     """
+    argument.truth("physical", physical)
     p = read(
         dict(
             L_2=L_2, L_3=L_3, B=B, m_2=m_2, m_3=m_3, Theta_1_33=Theta_1_33,

@@ -17,6 +17,7 @@ from models.piecewise import Array
 from models.sampling import CHUNK, Progress, evaluate
 from models.terms import Effect
 from models.torques import DERIVATIVES, drive_dynamics, inverse_dynamics
+from ocp.system import argument
 
 Covariance = Callable[[Array], Array]  # times (K,) -> (K, n, 3, 3) of position, velocity, acceleration
 
@@ -173,9 +174,14 @@ def tabulate(
     if parts[0].shape[1] != n:
         names = ", ".join(c.name for c in machine.coordinates)
         raise ValueError(f"the motion has {parts[0].shape[1]} coordinates, {machine.name} has {n} ({names})")
+    argument.instance("limits", limits, tuple | list, "one Envelope for each drive, or none")
+    for limit in limits:
+        argument.instance("limits, each", limit, Envelope, "an Envelope")
+    if progress is not None and (isinstance(progress, type) or not callable(progress)):
+        raise TypeError(f"progress: got {argument.shown(progress)}, expected a function of points done and in all")
     if limits and len(limits) != n:
         raise ValueError(f"limits: {len(limits)} envelopes, {machine.name} has {n} drives")
-    parameters = parameter_values(machine, effects, values or {})
+    parameters = parameter_values(machine, effects, {} if values is None else values)
     (tau,) = evaluate(function, *parts, parameters, *_time(function, t), progress=progress)
     q, v, a = parts
     return TorqueTable(
@@ -190,9 +196,11 @@ def _time(function: ca.Function, t: Array) -> tuple[Array, ...]:
 
 def parameter_values(machine: Manipulator, effects: Sequence[Effect], values: dict[str, float]) -> Array:
     """Return the values of the parameters that stay symbols, in the order of p of the inverse dynamics."""
+    argument.mapping("values", values, "a dict parameter name -> number, or None")
     mechanics = assemble(machine, effects)
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **mechanics.terms.nominal}
     for name in values:
         if name not in nominal:
             raise ValueError(f"no parameter {name!r} that stays a symbol; there is {', '.join(nominal) or 'none'}")
-    return np.array([float({**nominal, **values}[name]) for name in mechanics.parameters])
+    found = {**nominal, **values}
+    return np.array([argument.number(f"parameter {name!r}", found[name]) for name in mechanics.parameters])

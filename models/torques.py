@@ -9,7 +9,7 @@ import casadi as ca
 from models.manipulator import Manipulator
 from models.mechanics import Mechanics, assemble
 from models.terms import Effect
-from ocp.system import System
+from ocp.system import System, argument
 
 # Time derivatives of the position, in the order in which they are asked for.
 DERIVATIVES = ("q", "v", "a", "jerk", "snap", "crackle")
@@ -64,9 +64,16 @@ def recover(system: System, machine: Manipulator, effects: Sequence[Effect] = ()
     Raises:
         TypeError, ValueError: as `inverse_dynamics`.
     """
+    argument.instance("system", system, System, "a System, a form of the machine")
     torques_of = inverse_dynamics(machine, effects)
     rate = ca.SX.sym("rate", system.x.numel())
     q, v = system["q"], system["v"]
+    n = len(machine.coordinates)
+    if q.numel() != n or system.p.numel() != torques_of.numel_in(3):
+        raise ValueError(
+            f"system: has {q.numel()} coordinates and {system.p.numel()} parameters, {machine.name} with these effects "
+            f"has {n} and {torques_of.numel_in(3)}; give the machine and the effects that it is a form of"
+        )
     a = ca.jtimes(v, system.x, rate)
     time = [system["time"]] if torques_of.n_in() == 5 else []
     inputs, outputs = [system.x, rate, system.p], [q, v, a, torques_of(q, v, a, system.p, *time)]

@@ -10,9 +10,12 @@ from enum import Enum
 import numpy as np
 from numpy.polynomial import legendre as polynomials
 
+from ocp import argument
+
 Array = np.ndarray
 Matrix = Callable[[Array, Array], Array]  # of a polynomial through nodes, at places
 FEW = 64  # places at which matrices are kept
+FARTHEST = 1e6  # place from which polynomials of an element are asked for
 
 
 class Control(Enum):
@@ -55,18 +58,18 @@ class Scheme:
 
     def control_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), c) that takes the control unknowns of an element to u(tau)."""
-        return lagrange_matrix(self.control_nodes, np.asarray(tau, dtype=float))
+        return lagrange_matrix(self.control_nodes, _places(tau))
 
     def state_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), m + e) that takes the data of an element to x(tau).
 
         The data are the m state unknowns and, if `slope_at_start`, h dx/dt at tau = 0 (e = 1, else 0).
         """
-        return self._state_matrix(np.asarray(tau, dtype=float), lagrange_matrix)
+        return self._state_matrix(_places(tau), lagrange_matrix)
 
     def slope_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), m + e) that takes the data of an element to dx/dtau."""
-        return self._state_matrix(np.asarray(tau, dtype=float), slope_matrix)
+        return self._state_matrix(_places(tau), slope_matrix)
 
     def _state_matrix(self, tau: Array, interpolation: Callable[[Array, Array], Array]) -> Array:
         nodes = self.nodes[list(self.basis)]
@@ -85,10 +88,9 @@ class Scheme:
 
     def costate_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), d) that takes costates at the points to lambda(tau)."""
-        return lagrange_matrix(self.points, np.asarray(tau, dtype=float))
+        return lagrange_matrix(self.points, _places(tau))
 
 
-@functools.lru_cache(maxsize=64)
 def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Radau IIA scheme: the last point is the end of the element, order 2 degree - 1.
 
@@ -103,6 +105,11 @@ def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
     _check(degree, control)
+    return _radau(int(degree), control)
+
+
+@functools.lru_cache(maxsize=64)
+def _radau(degree: int, control: Control) -> Scheme:
     # Roots of P_{d-1} - P_d on [-1, 1]; the root +1 is exact.
     points = _unit(polynomials.legroots([0.0] * (degree - 1) + [1.0, -1.0]))
     points[-1] = 1.0
@@ -113,7 +120,6 @@ def radau(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     )  # fmt: skip
 
 
-@functools.lru_cache(maxsize=64)
 def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Gauss-Legendre scheme: all points inside the element, order 2 degree.
 
@@ -128,6 +134,11 @@ def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
     _check(degree, control)
+    return _legendre(int(degree), control)
+
+
+@functools.lru_cache(maxsize=64)
+def _legendre(degree: int, control: Control) -> Scheme:
     points = _unit(polynomials.leggauss(degree)[0])
     inner = np.concatenate([[0.0], points])
     state = np.zeros((degree + 1, degree + 2))
@@ -140,7 +151,6 @@ def legendre(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     )  # fmt: skip
 
 
-@functools.lru_cache(maxsize=64)
 def lobatto(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
     """Return the Lobatto IIIA scheme: both ends are points, order 2 degree - 2; 2 is the trapezoid, 3 Hermite-Simpson.
 
@@ -158,6 +168,11 @@ def lobatto(degree: int = 3, control: Control = Control.CONSTANT) -> Scheme:
         trajectory optimization using nonlinear programming and collocation, 1987.
     """
     _check(degree, control, least=2)
+    return _lobatto(int(degree), control)
+
+
+@functools.lru_cache(maxsize=64)
+def _lobatto(degree: int, control: Control) -> Scheme:
     # Roots of the derivative of P_{d-1}, and both ends.
     inner = polynomials.legroots(polynomials.legder([0.0] * (degree - 1) + [1.0])) if degree > 2 else np.zeros(0)
     points = np.concatenate([[0.0], _unit(inner), [1.0]])
@@ -227,8 +242,10 @@ def _unit(points: Array) -> Array:
     return np.sort((np.real(points) + 1.0) / 2.0)
 
 
+def _places(tau: object) -> Array:
+    return argument.places("tau", tau, "places on the element, numbers near 0 to 1", -FARTHEST, FARTHEST)
+
+
 def _check(degree: int, control: Control, least: int = 1) -> None:
-    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not least <= degree <= 12:
-        raise ValueError(f"degree: got {degree!r}, expected a whole number of collocation points from {least} to 12")
-    if not isinstance(control, Control):
-        raise TypeError(f"control: got {control!r}, expected {', '.join(map(str, Control))}")
+    argument.whole("degree", degree, least, 12, of="collocation points")
+    argument.instance("control", control, Control, ", ".join(map(str, Control)))

@@ -9,6 +9,8 @@ from enum import Enum
 import casadi as ca
 import numpy as np
 
+from ocp import argument
+
 
 class Where(Enum):
     """Where a constraint holds."""
@@ -79,7 +81,8 @@ def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
     Raises:
         ValueError: sizes disagree, NaN.
     """
-    return _constraint(Where.PERIODIC, expression, shift, shift)
+    argument.numbers("periodic: shift", shift)
+    return _constraint(Where.PERIODIC, expression, shift, shift, sides=("shift", "shift"))
 
 
 def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
@@ -94,36 +97,42 @@ def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
 
 def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:
     if lower is None and upper is None:
-        raise ValueError(f"{where.value}: got None, expected a value or a lower and an upper limit")
+        raise ValueError(f"{where.value}: lower and upper are None, expected a value or a lower and an upper limit")
     return _constraint(where, expression, lower, lower if upper is None else upper, name)
 
 
-def _constraint(where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "") -> Constraint:
+def _constraint(
+    where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "",
+    sides: tuple[str, str] = ("lower", "upper"),
+) -> Constraint:  # fmt: skip
     name = where.value
-    if not isinstance(expression, ca.SX):
-        raise TypeError(f"{name}: got {expression!r}, expected an expression such as system['q']")
+    argument.expression(name, expression)
+    argument.text(f"{name}: name", called)
     column = ca.densify(ca.vec(expression))
     size = column.numel()
     if size == 0:
         raise ValueError(f"{name}: the expression is empty, expected at least one component")
-    low, high = _limit(name, "lower", lower, -np.inf, size), _limit(name, "upper", upper, np.inf, size)
+    low, high = _limit(name, sides[0], lower, -np.inf, size), _limit(name, sides[1], upper, np.inf, size)
     if np.any(low > high):
         bad = np.flatnonzero(low > high).tolist()
         raise ValueError(
-            f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for {expression}"
+            f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for "
+            f"{argument.shown(expression)}, expected lower <= upper"
         )
     if np.any(low == np.inf) or np.any(high == -np.inf):
-        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {expression}")
+        told = argument.shown(expression)
+        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {told}")
     return Constraint(where, column, low, high, called)
 
 
 def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np.ndarray:
-    try:
-        array = np.array(missing if value is None else value, dtype=float).ravel()
-    except (TypeError, ValueError):
-        raise ValueError(f"{where}: {side} is {value!r}, expected numbers") from None
+    array = argument.real(missing if value is None else value)
+    if array is None:
+        raise argument.refused(f"{where}: {side}", value, "numbers")
+    array = array.ravel()
     if array.size not in (1, size):
         raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
     if np.any(np.isnan(array)):
-        raise ValueError(f"{where}: {side} is NaN in components {np.flatnonzero(np.isnan(array)).tolist()}")
+        places = np.flatnonzero(np.isnan(array)).tolist()
+        raise ValueError(f"{where}: {side} is NaN in components {places}, expected numbers, or inf for no limit")
     return np.broadcast_to(array, (size,)).copy()

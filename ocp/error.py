@@ -12,7 +12,7 @@ from ocp.collocation import integration_matrix
 from ocp.constraint import Where
 from ocp.hamiltonian import Minimum, minimise
 from ocp.problem import Free, Problem
-from ocp.solution import Solution, Status
+from ocp.solution import Solution, Status, with_model
 from ocp.system import Label
 
 Array = np.ndarray
@@ -85,9 +85,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     Source: Becker, Rannacher, An optimal control approach to a posteriori error estimation in finite element methods,
         Acta Numerica 10 (2001); Cao, Petzold, SIAM J. Sci. Comput. 26 (2004), for initial value problems.
     """
-    problem = problem or solution.problem
-    if problem is None:
-        raise ValueError("estimate: this solution was loaded without its model; pass problem=...")
+    problem = with_model("estimate", solution, problem)
     count, nx = len(solution.grid), solution.states.shape[2]
     labels = problem.system.label("x", nx)
     converged = solution.status in (Status.SOLVED, Status.ACCEPTABLE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from ocp import argument
 from ocp.system import Label, System
 
 
@@ -24,6 +25,7 @@ def extend(system: System) -> System:
 
     Source: Isidori, Nonlinear Control Systems, 5.4 (dynamic extension).
     """
+    argument.instance("system", system, System, "a System")
     nu = system.u.numel()
     if nu == 0:
         raise ValueError("extend: the system has no control")
@@ -65,7 +67,8 @@ def time_derivative(system: System, expression: ca.SX) -> ca.SX:
     Raises:
         ValueError: the expression depends on the control, whose rate is unknown; extend the system first.
     """
-    system.check_symbols("time_derivative: expression", expression)
+    argument.instance("system", system, System, "a System")
+    system.check_symbols("time_derivative", expression)
     if ca.depends_on(expression, system.u):
         raise ValueError("time_derivative: the expression depends on the control, whose rate is no state; use extend")
     return ca.jtimes(expression, system.x, system.rate)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ocp import argument
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -22,10 +24,11 @@ class Grid:
     ends: np.ndarray
 
     def __post_init__(self) -> None:
-        try:
-            ends = np.array(self.ends, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(f"Grid: got {self.ends!r}, expected increasing numbers from 0 to 1") from None
+        given = argument.real(self.ends)
+        if given is None:
+            told = argument.shown(self.ends)
+            raise ValueError(f"Grid: got {told}, expected increasing numbers from 0 to 1")
+        ends = given.copy()
         if ends.ndim != 1 or len(ends) < 2:
             raise ValueError(f"Grid: got shape {ends.shape}, expected at least the two numbers 0 and 1")
         if not (np.all(np.isfinite(ends)) and ends[0] == 0.0 and ends[-1] == 1.0):
@@ -49,6 +52,7 @@ class Grid:
 
     def locate(self, share: np.ndarray) -> np.ndarray:
         """Return the element (len(share),) of each share of the horizon; an inner end belongs to the right."""
+        argument.places("share", share, "shares of the horizon, finite numbers")
         return np.clip(np.searchsorted(self.ends, share, side="right") - 1, 0, len(self) - 1)
 
 
@@ -58,9 +62,7 @@ def uniform(elements: int) -> Grid:
     Raises:
         ValueError: not a whole number >= 1.
     """
-    if isinstance(elements, bool) or not isinstance(elements, int | np.integer) or elements < 1:
-        raise ValueError(f"uniform: got {elements!r}, expected a whole number of elements >= 1")
-    return Grid(np.linspace(0.0, 1.0, int(elements) + 1))
+    return Grid(np.linspace(0.0, 1.0, argument.whole("uniform", elements, 1, of="elements") + 1))
 
 
 def given(ends: Sequence[float]) -> Grid:

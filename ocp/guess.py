@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.constraint import Where, simple
-from ocp.problem import Fixed, Free, Problem
+from ocp.problem import Fixed, Free, Problem, parameters
 from ocp.system import slopes
 
 Array = np.ndarray
@@ -40,28 +41,36 @@ class Guess:
     free: Array
 
     def __post_init__(self) -> None:
-        share = np.asarray(self.share, dtype=float)
+        share = argument.real(self.share)
         if (
-            share.ndim != 1
+            share is None
+            or share.ndim != 1
             or len(share) < 2
-            or not np.all(np.diff(share) >= 0.0)
-            or share[0] != 0.0
-            or share[-1] != 1.0
+            or not np.all(np.isfinite(share))
+            or not (np.all(np.diff(share) >= 0.0) and share[0] == 0.0 and share[-1] == 1.0)
         ):
-            raise ValueError(f"Guess: share is {self.share}, expected increasing numbers from 0 to 1")
+            raise argument.refused("Guess: share", self.share, "increasing numbers from 0 to 1")
+        object.__setattr__(self, "share", share.copy())
         for name in ("x", "u"):
-            rows = np.shape(getattr(self, name))
+            table = argument.real(getattr(self, name))  # a guess that is not finite is told by the solve
+            if table is None:
+                raise argument.refused(f"Guess: {name}", getattr(self, name), "numbers, one row for each share")
+            object.__setattr__(self, name, table.copy())
+            rows = table.shape
             if len(rows) != 2 or rows[0] != len(share):
                 raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
-        if not 0.0 <= self.duration < np.inf:
-            raise ValueError(f"Guess: duration is {self.duration}, expected a number of seconds >= 0")
+        argument.number("Guess: duration", self.duration, "a finite number of seconds >= 0", at_least=0.0)
+        free = argument.places("Guess: free", self.free, "values of the free parameters, none for their nominal ones")
+        object.__setattr__(self, "free", free)
 
     def state(self, share: Array) -> Array:
         """Return x at shares of the horizon, shape (..., nx)."""
+        argument.numbers("share", share, "shares of the horizon, numbers")
         return _interpolate(share, self.share, self.x)
 
     def control(self, share: Array) -> Array:
         """Return u at shares of the horizon, shape (..., nu)."""
+        argument.numbers("share", share, "shares of the horizon, numbers")
         return _interpolate(share, self.share, self.u)
 
 
@@ -76,7 +85,8 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
         problem: the problem.
         values: of the parameters.
     """
-    duration, p = _duration(problem), ca.DM(list(values))
+    p = parameters(problem, values)
+    duration = _duration(problem)
     first, last, _ = ends(problem, p)
     share = np.linspace(0.0, 1.0, PLACES)
     x = first + share[:, None] * (last - first)
@@ -95,7 +105,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
         problem: the problem.
         values: of the parameters.
     """
-    p = ca.DM(list(values))
+    p = parameters(problem, values)
     first, last, _ = ends(problem, p)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     layers = _layers(problem)
@@ -129,7 +139,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
         values: of the parameters.
         random: generator.
     """
-    p = ca.DM(list(values))
+    p = parameters(problem, values)
     first, last, _ = ends(problem, p)
     layers = _layers(problem)
     path = _path(first, last, len(layers))

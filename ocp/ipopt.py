@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 import threading
@@ -14,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.solution import Status
 
 Array = np.ndarray
@@ -36,6 +38,7 @@ CONTINUED = {"mu_init": NEAR, "warm_start_init_point": "yes"} | {
     f"warm_start_{name}": NEAR
     for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 }
+SOURCE = re.compile(r"\S+\.[ch]pp:\d+: ")  # place in a compiled source
 QUIET_SECONDS = 2.0  # a shorter solve shows no progress
 
 
@@ -62,17 +65,26 @@ class Ipopt:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("tol", "max_iter", "max_seconds"):
-            value = getattr(self, name)
-            if isinstance(value, bool | str) or not value > 0:
-                raise ValueError(f"Ipopt: {name} is {value!r}, expected a number > 0")
+        argument.number("Ipopt: tol", self.tol, "a number > 0", above=0.0)
+        argument.whole("Ipopt: max_iter", self.max_iter, 1, of="iterations")
+        argument.number("Ipopt: max_seconds", self.max_seconds, "a number > 0", above=0.0, finite=False)
+        argument.truth("Ipopt: scaled", self.scaled)
+        if self.progress is not None:
+            argument.truth("Ipopt: progress", self.progress)
+        argument.whole("Ipopt: print_level", self.print_level, 0, 12)
+        argument.mapping("Ipopt: extra", self.extra, "a dict option -> value")
+        for name, value in self.extra.items():
+            if not isinstance(name, str) or not isinstance(value, str | int | float | np.number):
+                told = f"{argument.shown(name)}: {argument.shown(value)}"
+                raise ValueError(f"Ipopt: extra has {told}, expected the name of an option and a number or a text")
 
     def options(self, warm: bool) -> dict[str, Any]:
         """Return the options for nlpsol; CasADi's own and IPOPT's are kept apart."""
+        argument.truth("warm", warm)
         ipopt: dict[str, Any] = {
             "tol": self.tol,
             "max_iter": int(self.max_iter),
-            "max_wall_time": float(self.max_seconds),
+            "max_wall_time": min(float(self.max_seconds), 1e20),
             "print_level": self.print_level,
             "sb": "yes",
             "mu_strategy": "monotone",
@@ -127,7 +139,9 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
     try:
         return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch)
     except RuntimeError as error:
-        raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
+        told = argument.shown(dict(settings.extra))
+        why = SOURCE.sub("", str(error).strip().splitlines()[-1])
+        raise ValueError(f"Ipopt: extra is {told}, expected options of IPOPT ({argument.shown(why)})") from None
 
 
 def run(

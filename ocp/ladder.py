@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ocp import argument
 from ocp.constraint import Constraint, Where, simple
 from ocp.grid import Grid
 from ocp.guess import Guess, smooth, straight_line
@@ -60,6 +61,9 @@ class CoarseGrid:
 
     factor: int = 5
 
+    def __post_init__(self) -> None:
+        argument.whole("CoarseGrid: factor", self.factor, 2)
+
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the coarse solution, or None if it fails."""
         programme = prepared.compound.programmes[0]
@@ -77,6 +81,12 @@ class WiderLimits:
     """Homotopy: limits of the controls several times as wide, then narrowed, each solved from the last."""
 
     factors: tuple[float, ...] = (8.0, 3.0, 1.5)
+
+    def __post_init__(self) -> None:
+        wanted = "numbers >= 1, the widest first"
+        argument.instance("WiderLimits: factors", self.factors, tuple | list, wanted)
+        if not np.all(argument.column("WiderLimits: factors", self.factors, expected=wanted) >= 1.0):
+            raise argument.refused("WiderLimits: factors", self.factors, wanted)
 
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution with the last wider limits, or None if none of them is solved."""
@@ -102,6 +112,11 @@ class ParameterPath:
     name: str
     easy: float = 0.0
     steps: int = 4
+
+    def __post_init__(self) -> None:
+        argument.text("ParameterPath: name", self.name, "the name of a parameter")
+        argument.number("ParameterPath: easy", self.easy)
+        argument.whole("ParameterPath: steps", self.steps, 1)
 
     def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution one step before the parameter's own value, or None if a step fails."""

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ocp import argument
 from ocp.piece import Piece
 from ocp.system import System
 
@@ -39,20 +40,28 @@ class Method(Protocol):
 
 def check_tolerances(rtol: float | Array, atol: float | Array) -> None:
     """Raise ValueError if a tolerance is not a number > 0."""
-    if not (rtol > 0.0 and np.all(np.asarray(atol) > 0.0)):
-        raise ValueError(f"rtol, atol: got {rtol}, {atol}, expected numbers > 0")
+    relative, absolute = argument.real(rtol), argument.real(atol)
+    if (
+        relative is None
+        or absolute is None
+        or relative.ndim
+        or absolute.ndim > 1
+        or not absolute.size
+        or not (0.0 < relative < np.inf and np.all((absolute > 0.0) & (absolute < np.inf)))
+    ):
+        told = f"{argument.shown(rtol)}, {argument.shown(atol)}"
+        raise ValueError(f"rtol, atol: got {told}, expected numbers > 0")
 
 
 def check_components(atol: float | Array, nx: int) -> None:
     """Raise ValueError if an absolute tolerance is neither a scalar nor has a component for each state."""
-    if np.size(atol) not in (1, nx):
+    if argument.real(atol) is not None and np.size(atol) not in (1, nx):
         raise ValueError(f"atol: has {np.size(atol)} components, expected 1 or {nx}")
 
 
 def check_step(step: float) -> None:
     """Raise ValueError if a step is not a finite number > 0."""
-    if not (isinstance(step, int | float | np.number) and 0.0 < step < np.inf):
-        raise ValueError(f"step: got {step!r}, expected a finite number of seconds > 0")
+    argument.number("step", step, "a finite number of seconds > 0", above=0.0)
 
 
 def stopped(t: float, reason: str) -> str:

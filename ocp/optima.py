@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ocp import argument
 from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.guess import scattered, smooth
@@ -86,10 +87,13 @@ def multistart(
         ValueError: starts is not a whole number >= 1, or a wrong parameter name.
         TypeError: problem is no Problem.
     """
-    if isinstance(starts, bool) or not isinstance(starts, int | np.integer) or starts < 1:
-        raise ValueError(f"multistart: starts is {starts!r}, expected a whole number >= 1")
-    if not isinstance(problem, Problem):
-        raise TypeError(f"multistart: got {problem!r}, expected a Problem")
+    argument.whole("multistart: starts", starts, 1)
+    argument.whole("multistart: seed", seed, 0)
+    argument.instance("multistart: problem", problem, Problem, "a Problem")
+    for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, Ipopt)):
+        argument.instance(f"multistart: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
+    if executor is not None and not callable(getattr(executor, "map", None)):
+        raise TypeError(f"multistart: executor is {argument.shown(executor)}, expected a concurrent.futures.Executor")
     problem.system.values(values)
     work = _Work(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed

@@ -12,9 +12,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ocp import argument
+from ocp.collocation import Scheme
 from ocp.constraint import start
+from ocp.grid import Grid
 from ocp.guess import Guess
-from ocp.problem import Problem
+from ocp.ipopt import Ipopt
+from ocp.problem import Problem, parameters
 from ocp.sequence import Sequence, SequenceSolution
 from ocp.solution import Solution
 from ocp.storage import load
@@ -26,6 +30,7 @@ STARTS = (Guess, Solution, SequenceSolution, str, os.PathLike)
 
 def phases_of(problem: Problem | Sequence) -> tuple[Problem, ...]:
     """Return the problems of a sequence, or the problem itself as the only one."""
+    argument.instance("problem", problem, Problem | Sequence, "a Problem or a Sequence")
     return problem.problems if isinstance(problem, Sequence) else (problem,)
 
 
@@ -35,7 +40,8 @@ def parameter_values(problem: Problem | Sequence, values: Mapping[str, float] | 
     Raises:
         ValueError: no phase has a parameter that `values` names.
     """
-    given = values or {}
+    given = {} if values is None else values
+    argument.mapping("values", given, "a dict parameter name -> number, or None")
     known = {name for phase in phases_of(problem) for name in phase.system.nominal}
     if not known.issuperset(given):
         phases_of(problem)[0].system.values({name: 0.0 for name in given if name not in known})
@@ -43,6 +49,12 @@ def parameter_values(problem: Problem | Sequence, values: Mapping[str, float] | 
         phase.system.values({n: v for n, v in given.items() if n in phase.system.nominal})
         for phase in phases_of(problem)
     ]
+
+
+def is_ladder(guess: Any) -> bool:
+    """Return whether a guess is a ladder of rungs (see `ocp.ladder`)."""
+    rungs = isinstance(guess, list | tuple) and len(guess) > 0 and not isinstance(guess[0], STARTS)
+    return rungs and all(callable(rung) and not isinstance(rung, type) for rung in guess)
 
 
 def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list[Guess]:
@@ -57,12 +69,15 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
         parts = guess if isinstance(guess, list | tuple) else [guess]
     wanted = phases_of(problem)
     if len(parts) != len(wanted):
-        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases")
+        raise ValueError(f"guess: has {len(parts)} parts, the problem has {len(wanted)} phases; give one for each")
     made = []
     for phase, part in zip(wanted, parts, strict=True):
-        known = load(part) if isinstance(part, str | os.PathLike) and Path(part).exists() else part
-        if not isinstance(known, Guess | Solution):
-            raise TypeError(f"guess: got {part!r}, expected a Guess, a solution, its file, a ladder of rungs or None")
+        try:
+            known = load(part) if isinstance(part, str | os.PathLike) and Path(part).is_file() else part
+        except ValueError as error:
+            raise ValueError(f"guess: {error}") from None
+        described = "a Guess, a solution, its file, a ladder of rungs or None"
+        argument.instance("guess", known, Guess | Solution, described)
         one = known if isinstance(known, Guess) else from_solution(known)
         sizes = one.x.shape[1], one.u.shape[1]
         if sizes != (phase.system.x.numel(), phase.system.u.numel()):
@@ -70,6 +85,46 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
             raise ValueError(f"guess: has (nx, nu) = {sizes}, the system has {expected}")
         made.append(one)
     return made
+
+
+def check_settings(problem: object, scheme: object, grid: object, solver: object) -> None:
+    """Raise TypeError unless a solve is given a problem, a scheme, a grid and settings."""
+    argument.instance("problem", problem, Problem | Sequence, "a Problem or a Sequence")
+    argument.instance("scheme", scheme, Scheme, "a Scheme such as radau(3)")
+    argument.instance("grid", grid, Grid, "a Grid such as uniform(50)")
+    argument.instance("solver", solver, Ipopt, "settings of the solver, Ipopt(...)")
+
+
+def check_duals(duals: object, sizes: tuple[int, int]) -> None:
+    """Raise TypeError or ValueError unless there are multipliers of all bounds (nz,) and of all rows (ng,)."""
+    wanted = "None, or multipliers of the bounds and of the rows"
+    argument.instance("duals", duals, tuple | None, wanted)
+    if duals is not None and tuple(np.size(part) for part in duals) != sizes:  # type: ignore[attr-defined]
+        raise argument.refused("duals", duals, wanted)
+
+
+def check_attempt(problem: Problem | Sequence, guesses: object, values: object, warm: object, rung: object) -> None:
+    """Raise TypeError or ValueError unless there is a guess and a list of parameter values for each phase.
+
+    Args:
+        problem: with its phases.
+        guesses: one Guess for each.
+        values: as `parameter_values` returns them.
+        warm: True or False.
+        rung: a text.
+    """
+    argument.truth("warm", warm)
+    argument.text("rung", rung)
+    wanted = "the parameter values of every phase, as numbers(values) returns them"
+    phases = phases_of(problem)
+    argument.instance("guesses", guesses, list | tuple, "one Guess for each phase")
+    as_guesses(problem, guesses)  # type: ignore[arg-type]
+    argument.instance("values", values, list | tuple, wanted)
+    each: Any = values
+    if len(each) != len(phases):
+        raise argument.refused("values", values, wanted)
+    for phase, given in zip(phases, each, strict=True):
+        parameters(phase, given)
 
 
 def from_solution(solution: Solution) -> Guess:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.solution import Solution
 
 Array = np.ndarray
@@ -61,11 +62,16 @@ class Sampled:
     inset: float  # how far inside its ends the piece is seen [s]
     a: float  # [s]
     b: float  # [s]
+    nu: int  # number of controls
 
     def __call__(self, t: float) -> Array:
         """Return u(t), shape (nu,)."""
         inside = min(max(t, self.a + self.inset), self.b - self.inset)
-        return np.array(self.function(inside), dtype=float).ravel()
+        value = argument.real(self.function(inside))
+        if value is None or value.size != self.nu:
+            wanted = f"a function that returns {self.nu} numbers at t = {inside:.9g} s, too"
+            raise argument.refused("control", self.function if value is None else value, wanted)
+        return value.ravel()
 
     def sample(self, times: Array) -> Array:
         """Return u at times (K,), shape (K, nu)."""
@@ -80,7 +86,7 @@ class Piece:
     control: Polynomial | Sampled
 
 
-def pieces(control: Controls, reported: Array, breaks: Sequence[float], nu: int) -> Iterator[Piece]:
+def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, nu: int) -> Iterator[Piece]:
     """Yield the pieces of a motion that ends at the last reported time.
 
     Args:
@@ -110,7 +116,7 @@ def pieces(control: Controls, reported: Array, breaks: Sequence[float], nu: int)
         if a == b:
             return
         if callable(control):
-            yield Piece(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b))
+            yield Piece(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b, nu))
         else:
             yield Piece(stops(a, b), Polynomial(a, b - a, np.zeros(1), first[None, :], np.ones_like))
 
@@ -123,7 +129,10 @@ def at_start(control: Controls, nu: int) -> Array:
     """
     if isinstance(control, Solution):
         return control.u(0.0)
-    value = control(0.0) if callable(control) else control
-    if np.size(value) != nu:
-        raise ValueError(f"control: got {np.size(value)} numbers, expected {nu}")
-    return np.array(value, dtype=float).ravel()
+    value = argument.real(control(0.0) if callable(control) and not isinstance(control, type) else control)
+    if value is None or not np.all(np.isfinite(value)):
+        wanted = f"{nu} finite numbers, a function of t that returns them, or a Solution"
+        raise argument.refused("control", control, wanted)
+    if value.size != nu:
+        raise ValueError(f"control: got {value.size} numbers, expected {nu}")
+    return value.ravel()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.arcprogramme import ArcProgramme, prepare_arcs
 from ocp.arcs import ArcMotion, ArcProblem, arc_problem
 from ocp.certificate import Certificate, certify, complaint
@@ -18,7 +19,7 @@ from ocp.phases import from_solution
 from ocp.problem import Problem
 from ocp.reading import contacts, read
 from ocp.revision import revise, swapped, without_shortest_hold, without_vanished
-from ocp.solution import Solution, Status, Timings
+from ocp.solution import Solution, Status, Timings, with_model
 from ocp.solver import solve
 from ocp.statelimit import StateLimit
 from ocp.structure import durations, elements_of, key_of, tabulate
@@ -87,14 +88,12 @@ def polish(
         SIAM J. Control Optim. 14, 1976.
     """
     begun = time.perf_counter()
-    if not isinstance(solution, Solution):
-        raise TypeError(f"polish: got {solution!r}, expected a Solution of a Problem")
-    problem = problem or solution.problem
-    if problem is None:
-        raise ValueError("polish: this solution was loaded without its model; pass problem=...")
+    problem = with_model("polish", solution, problem)
+    argument.instance("polish: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     scheme = legendre(6, Control.COLLOCATED) if scheme is None else scheme
     if not isinstance(scheme, Scheme) or scheme.control is not Control.COLLOCATED:
-        raise TypeError(f"polish: scheme is {scheme!r}, expected one with control=Control.COLLOCATED")
+        told = argument.shown(scheme)
+        raise TypeError(f"polish: scheme is {told}, expected one with control=Control.COLLOCATED")
     if scheme.slope_at_start:
         raise TypeError(f"polish: scheme is {scheme!r}, expected radau or legendre")
     settings = SETTINGS if solver is None else solver

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.constraint import Constraint, Where, along, simple
 from ocp.system import Label, System
 
@@ -20,7 +21,7 @@ class Fixed:
     duration: float
 
     def __post_init__(self) -> None:
-        _positive("Fixed: duration", self.duration)
+        argument.number("Fixed: duration", self.duration, "a finite number of seconds > 0", above=0.0)
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,10 @@ class Free:
     upper: float = float("inf")
 
     def __post_init__(self) -> None:
-        _positive("Free: guess", self.guess)
-        for value in (self.lower, self.upper):
-            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-                raise ValueError(f"Free: got {value!r} as a limit, expected a number of seconds")
-        if not 0.0 <= self.lower <= self.upper:
+        argument.number("Free: guess", self.guess, "a finite number of seconds > 0", above=0.0)
+        for name in ("lower", "upper"):
+            argument.number(f"Free: {name}", getattr(self, name), "a number of seconds", finite=False)
+        if not 0.0 <= self.lower <= self.upper or self.lower == np.inf:
             raise ValueError(f"Free: limits {self.lower} .. {self.upper} s, expected 0 <= lower <= upper")
 
 
@@ -60,13 +60,13 @@ class Bolza:
     final: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.time, int | float | np.number) and np.isfinite(self.time)):
-            raise ValueError(f"Bolza: time weight {self.time!r}, expected a finite number")
+        argument.number("Bolza: time weight", self.time, "a finite number")
         for name in ("running", "final"):
             given = getattr(self, name)
-            if not isinstance(given, ca.SX | int | float | np.number):
-                raise TypeError(f"Bolza: {name} is {given!r}, expected an expression in x, u, p")
-            expression = given if isinstance(given, ca.SX) else ca.SX(float(given))
+            wanted = "an expression in x, u, p, or a finite number"
+            if not isinstance(given, int | float | np.number):
+                argument.expression(f"Bolza: {name}", given, wanted)
+            expression = given if isinstance(given, ca.SX) else ca.SX(argument.number(f"Bolza: {name}", given, wanted))
             if expression.numel() != 1:
                 raise ValueError(f"Bolza: {name} has {expression.numel()} components, expected one expression")
             object.__setattr__(self, name, expression)
@@ -97,15 +97,14 @@ class Problem:
     def __post_init__(self) -> None:
         for name, kind in (("system", System), ("horizon", Free | Fixed), ("minimise", Bolza)):
             if not isinstance(getattr(self, name), kind):
-                raise TypeError(f"Problem: {name} is {getattr(self, name)!r}, expected {kind}")
-        if not isinstance(self.subject_to, Constraint | tuple | list):
-            raise TypeError(
-                f"Problem: subject_to is {self.subject_to!r}, expected a tuple of start(...), along(...) ..."
-            )
+                raise TypeError(f"Problem: {name} is {argument.shown(getattr(self, name))}, expected {kind}")
+        wanted = "a tuple of start(...), along(...) ..."
+        argument.instance("Problem: subject_to", self.subject_to, Constraint | tuple | list, wanted)
         constraints = (self.subject_to,) if isinstance(self.subject_to, Constraint) else tuple(self.subject_to)
         for constraint in constraints:
             if not isinstance(constraint, Constraint):
-                raise TypeError(f"Problem: subject_to has {constraint!r}, expected start(...), end(...) or along(...)")
+                told = argument.shown(constraint)
+                raise TypeError(f"Problem: subject_to has {told}, expected start(...), end(...) or along(...)")
             self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
         own = {name: sides for name, sides in self.system.limits.items() if name not in {c.name for c in constraints}}
         constraints += tuple(along(self.system[name], *sides, name=name) for name, sides in own.items())
@@ -124,6 +123,7 @@ class Problem:
 
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
         """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
+        argument.instance("constraint", constraint, Constraint, "start(...), end(...) or along(...)")
         system, size = self.system, constraint.expression.numel()
         if len(system.labels.get(constraint.name, ())) == size:
             return system.labels[constraint.name]
@@ -154,6 +154,8 @@ class Problem:
         Returns:
             lower, upper: (m,), infinite where nothing is said; lower > upper where constraints contradict each other.
         """
+        argument.instance("where", where, Where, "Where.START, Where.END or Where.ALONG")
+        argument.expression("symbols", symbols, "a column of symbols of the system")
         known = self.system.x, self.system.u, self.system.p
         for number, column in enumerate(known):
             if symbols is column:
@@ -188,11 +190,6 @@ def _same_cost(one: Bolza, other: Bolza) -> bool:
     return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))
 
 
-def _positive(name: str, value: float) -> None:
-    if isinstance(value, bool | str) or not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
-        raise ValueError(f"{name} is {value!r}, expected a number of seconds > 0")
-
-
 @functools.lru_cache(maxsize=64)
 def _limits(problem: Problem, where: Where, number: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the limits on x, u or p (number 0, 1, 2); asked for many times in one solve."""
@@ -207,6 +204,25 @@ def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarr
                 low[place] = max(low[place], constraint.lower[c])
                 high[place] = min(high[place], constraint.upper[c])
     return low, high
+
+
+def parameters(problem: Problem, values: Sequence[float]) -> ca.DM:
+    """Return parameter values as a column, one for each parameter of the system of a problem.
+
+    Args:
+        problem: whose parameters.
+        values: in the order of p.
+
+    Raises:
+        TypeError: no Problem.
+        ValueError: another number of values, or one that is not finite.
+    """
+    argument.instance("problem", problem, Problem, "a Problem")
+    names = problem.system.nominal
+    wanted = f"{len(names)} finite numbers, one for each parameter ({', '.join(names) or 'none'})"
+    if not names and np.size(values) == 0:
+        return ca.DM(0, 1)
+    return ca.DM(argument.column("values", values, len(names), wanted))
 
 
 def rebuild(

@@ -11,12 +11,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.constraint import Where
 from ocp.error import Errors, estimate
 from ocp.grid import Grid, uniform
 from ocp.ipopt import Ipopt
-from ocp.phases import Start
+from ocp.phases import Start, as_guesses, is_ladder
 from ocp.problem import Problem
 from ocp.solution import Accuracy, Solution, Status
 from ocp.solver import prepare, solve
@@ -101,10 +102,20 @@ def solve_to_accuracy(
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: it is the last rung.
     """
     wanted: Tolerance = Cost(tol) if isinstance(tol, int | float | np.number) else tol
-    if not isinstance(problem, Problem):
-        raise TypeError(f"solve_to_accuracy: got {problem!r}, expected a Problem")
-    if not seconds > 0.0 or elements < 1:
-        raise ValueError(f"solve_to_accuracy: budget of {seconds} s and {elements} elements, expected numbers > 0")
+    called = "solve_to_accuracy"
+    argument.instance(f"{called}: problem", problem, Problem, "a Problem")
+    if not all(callable(getattr(wanted, name, None)) for name in ("error", "parts")) or isinstance(wanted, type):
+        raise TypeError(f"{called}: tol is {argument.shown(tol)}, expected a number, Cost, Share, Seconds or Signal")
+    for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, Ipopt)):
+        argument.instance(f"{called}: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
+    problem.system.values(values)
+    if guess is not None and not is_ladder(guess):
+        as_guesses(problem, guess)
+    budget = f"{called}: budget, seconds"
+    argument.number(budget, seconds, "a number of seconds > 0, or inf", above=0.0, finite=False)
+    argument.whole(f"{called}: budget, elements", elements, 1)
+    if finish is not None and not callable(finish):
+        raise TypeError(f"{called}: finish is {argument.shown(finish)}, expected a function of a Solution, or None")
     return _rungs(
         problem, wanted, _scheme(problem) if scheme is None else scheme, uniform(20) if grid is None else grid,
         Ipopt() if solver is None else solver, guess, values,

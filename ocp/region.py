@@ -9,6 +9,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.constraint import Constraint, along
 
 # Exponent of the norm that rounds the edges of boxes and finite cylinders when a point stays outside.
@@ -85,12 +86,11 @@ class Cylinder:
     length: float = float("inf")
 
     def __post_init__(self) -> None:
-        _numbers("Cylinder: centre", self.centre)
-        if not np.linalg.norm(_numbers("Cylinder: axis", self.axis)) > 0.0:
+        _numbers("Cylinder: centre", self.centre, 3)
+        if not np.linalg.norm(_numbers("Cylinder: axis", self.axis, 3)) > 0.0:
             raise ValueError(f"Cylinder: axis {self.axis}, expected a direction, not all zero")
         _positive("Cylinder: radius", self.radius)
-        if not self.length > 0.0:
-            raise ValueError(f"Cylinder: length {self.length}, expected a length > 0")
+        argument.number("Cylinder: length", self.length, "a length > 0, or inf", above=0.0, finite=False)
 
     def within(self, point: ca.SX) -> ca.SX:
         """Return (distance from the axis / R)^2 and, with ends, (distance along it / half length)^2."""
@@ -115,8 +115,8 @@ class HalfSpace:
     normal: Vector
 
     def __post_init__(self) -> None:
-        _numbers("HalfSpace: point", self.point)
-        if not np.linalg.norm(_numbers("HalfSpace: normal", self.normal)) > 0.0:
+        size = len(_numbers("HalfSpace: point", self.point))
+        if not np.linalg.norm(_numbers("HalfSpace: normal", self.normal, size)) > 0.0:
             raise ValueError(f"HalfSpace: normal {self.normal}, expected a direction, not all zero")
 
     def within(self, point: ca.SX) -> ca.SX:
@@ -132,6 +132,7 @@ def inside(region: Region, point: ca.SX) -> Constraint:
         region: Ball, Box, Cylinder, HalfSpace, or anything with `within`.
         point: (d,) position as an expression, such as system["tool"] [m].
     """
+    _region(region)
     return along(region.within(_column(point)), upper=1.0, name=f"place in {type(region).__name__} (1 at its surface)")
 
 
@@ -146,6 +147,7 @@ def outside(region: Region, point: ca.SX) -> Constraint:
         region: Ball, Box, Cylinder, HalfSpace, or anything with `within`.
         point: (d,) position as an expression, such as system["tool"] [m].
     """
+    _region(region)
     faces = ca.vec(region.within(_column(point)))
     if faces.numel() == 1:
         return along(faces, lower=1.0, name=f"clearance from {type(region).__name__} (1 at its surface)")
@@ -157,25 +159,29 @@ def outside(region: Region, point: ca.SX) -> Constraint:
     )
 
 
+def _region(region: Region) -> None:
+    if isinstance(region, type) or not callable(getattr(region, "within", None)):
+        raise TypeError(f"region: got {argument.shown(region)}, expected a region such as Ball(centre, radius)")
+
+
 def _column(point: ca.SX) -> ca.SX:
-    if not isinstance(point, ca.SX):
-        raise TypeError(f"point: got {point!r}, expected an expression such as system['tool']")
+    argument.expression("point", point, "an expression such as system['tool']")
     return ca.densify(ca.vec(point))
 
 
 def _from(point: ca.SX, origin: Vector, name: str) -> ca.SX:
+    point = _column(point)
     if point.numel() != len(origin):
-        raise ValueError(f"{name}: has {len(origin)} dimensions, the point has {point.numel()}")
+        raise ValueError(f"{name}: has {len(origin)} dimensions, the point has {point.numel()}; give both as many")
     return point - ca.DM(np.array(origin, dtype=float))
 
 
-def _numbers(name: str, value: Vector) -> np.ndarray:
-    array = np.array(value, dtype=float)
-    if array.ndim != 1 or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} is {value}, expected finite numbers")
-    return array
+def _numbers(name: str, value: Vector, size: int | None = None) -> np.ndarray:
+    wanted = f"{'' if size is None else f'{size} '}finite numbers, one for each direction [m]"
+    if np.ndim(argument.numbers(name, value, wanted)) == 0:
+        raise argument.refused(name, value, wanted)
+    return argument.column(name, value, size, wanted)
 
 
 def _positive(name: str, value: float) -> None:
-    if not 0.0 < value < np.inf:
-        raise ValueError(f"{name} is {value}, expected a length > 0")
+    argument.number(name, value, "a length > 0", above=0.0)

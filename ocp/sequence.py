@@ -9,9 +9,10 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.problem import Problem
 from ocp.programme import Programme
-from ocp.solution import Solution, Status, Timings
+from ocp.solution import OUTSIDE, Solution, Status, Timings
 
 Array = np.ndarray
 Link = str | tuple[ca.SX, ca.SX]
@@ -37,11 +38,15 @@ class Sequence:
     sides: tuple[tuple[ca.SX, ca.SX], ...] = field(init=False)  # of each junction: before, after
 
     def __init__(self, problems: Several[Problem], links: Several[Link] = ("q", "v")) -> None:
+        argument.instance("Sequence: problems", problems, tuple | list, "Problems in order of time")
+        argument.instance("Sequence: links", links, tuple | list | str, "names of signals, or pairs of expressions")
         object.__setattr__(self, "problems", tuple(problems))
         object.__setattr__(self, "links", (links,) if isinstance(links, str) else tuple(links))
+        for link in self.links:
+            _check_link(link)
         for problem in self.problems:
             if not isinstance(problem, Problem):
-                raise TypeError(f"Sequence: got {problem!r}, expected Problems")
+                raise TypeError(f"Sequence: problems has {argument.shown(problem)}, expected Problems")
         if len(self.problems) < 2:
             raise ValueError(f"Sequence: got {len(self.problems)} problem, expected at least two")
         junctions = tuple(self._junction(one, other) for one, other in pairwise(self.problems))
@@ -62,6 +67,13 @@ class Sequence:
                 if ca.depends_on(side, problem.system.u):
                     raise ValueError("Sequence: a link depends on the control, which may jump; link states only")
         return ca.vertcat(*(ca.vec(before) for before, _ in pairs)), ca.vertcat(*(ca.vec(after) for _, after in pairs))
+
+
+def _check_link(link: object) -> None:
+    pair = isinstance(link, tuple | list) and len(link) == 2 and all(isinstance(side, ca.SX) for side in link)
+    if not (isinstance(link, str) or pair):
+        wanted = "the name of a signal, or a pair of expressions (before, after)"
+        raise TypeError(f"Sequence: links has {argument.shown(link)}, expected {wanted}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +115,10 @@ class SequenceSolution:
 
     def signal(self, signal: str, t: Array | float) -> Array:
         """Return a signal that all systems have, at times t [s] of the whole motion, shape (K, m) or (m,)."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        argument.text("signal", signal, "the name of a signal that all systems have")
+        end = self.duration
+        wanted, slack = f"times within the motion, 0 to {end} s", OUTSIDE * end
+        times = argument.places("t", t, wanted, -slack, end + slack, least=1)
         starts = self.junctions
         phase = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(self.phases) - 1)
         parts = [

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.extrapolation import Extrapolation
 from ocp.method import Method, check_components, check_tolerances
 from ocp.piece import Controls, at_start, pieces
@@ -37,6 +38,7 @@ class Trajectory:
     def signal(self, signal: str | ca.SX) -> Array:
         """Return a signal of the system, or an expression in x, u, p, at the times t, shape (K, m)."""
         system = self.system
+        argument.instance("signal", signal, str | ca.SX, "the name of a signal or an expression")
         expression = system[signal] if isinstance(signal, str) else signal
         system.check_symbols("signal", expression)
         function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
@@ -73,30 +75,35 @@ def simulate(
             a method that does not apply to the system.
         TypeError: method is no integrator.
     """
-    start = np.array(x0, dtype=float).ravel()
-    if len(start) != system.x.numel() or not np.all(np.isfinite(start)):
-        raise ValueError(f"x0: got {start.tolist()}, expected {system.x.numel()} finite numbers")
-    reported = np.array(times, dtype=float)
+    argument.instance("system", system, System, "a System")
+    wanted = f"{system.x.numel()} finite numbers"
+    start = argument.numbers("x0", np.ravel(x0).tolist() if isinstance(x0, np.ndarray) else x0, wanted).ravel()
+    if len(start) != system.x.numel():
+        raise argument.refused("x0", x0, wanted)
+    reported = argument.numbers("times", times, "a duration > 0 s or increasing times >= 0 s").copy()
     if reported.ndim == 0 and not 0.0 < reported < np.inf:
         raise ValueError(f"times: got {times}, expected a duration > 0 s or increasing times >= 0 s")
     if reported.ndim == 0:
         reported = np.linspace(0.0, float(reported), 101)
-    if len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
-        shown = ", ".join(f"{t:g}" for t in np.atleast_1d(reported)[:6])
-        raise ValueError(f"times: got {shown}{' ...' if len(reported) > 6 else ''}, expected increasing times >= 0 s")
+    if reported.ndim != 1 or len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
+        raise argument.refused("times", times, "a duration > 0 s or increasing times >= 0 s")
     if isinstance(control, Solution) and reported[-1] > control.duration * (1.0 + OUTSIDE):
         raise ValueError(f"times: got {reported[-1]:g} s, the control lasts {control.duration:g} s")
     chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))
     if values is None and isinstance(control, Solution):
         values = control.values
+    if values is not None:
+        argument.mapping("values", values, "a dict parameter name -> number, or None")
     known = {name: value for name, value in (values or {}).items() if name in system.nominal}
     parameters = system.values(known if isinstance(control, Solution) else values)
+    inner = argument.places("breaks", breaks, "times in s where the control jumps")
     nu = system.u.numel()
     xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
     if reported[0] == 0.0:
         xs[0], us[0] = start, at_start(control, nu)
-    parts = tuple(pieces(control, reported, breaks, nu))
-    passage = chosen.march(system, parameters, start, parts)
+    parts = tuple(pieces(control, reported, inner, nu))
+    with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows beyond all numbers is told by the message
+        passage = chosen.march(system, parameters, start, parts)
     row = 0
     for piece in parts:
         for stop in piece.stops[1:]:
@@ -111,7 +118,8 @@ def simulate(
 def _with_tolerances(method: Method, rtol: float | None, atol: float | Array | None, nx: int) -> Method:
     """Return the method with the tolerances that are not None in place of its own."""
     if isinstance(method, type) or not callable(getattr(method, "march", None)):
-        raise TypeError(f"method: got {method!r}, expected an integrator such as ocp.integrators.runge_kutta_4(1e-3)")
+        told = argument.shown(method)
+        raise TypeError(f"method: got {told}, expected an integrator such as ocp.integrators.runge_kutta_4(1e-3)")
     given = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
     if not given:
         return method

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.buffered import mapped
 from ocp.collocation import Scheme
 from ocp.grid import Grid
@@ -179,14 +180,13 @@ class Solution:
         """
         if isinstance(signal, str) and signal in ("x", "u"):
             return self.x(t) if signal == "x" else self.u(t)
-        if not isinstance(signal, str | ca.SX):
-            raise TypeError(f"signal: got {signal!r}, expected the name of a signal or an expression")
+        argument.instance("signal", signal, str | ca.SX, "the name of a signal or an expression")
         if self.problem is None:
             raise ValueError("signal: this solution was loaded without its model; use load(path, problem=...)")
         system = self.problem.system
         expression = system[signal] if isinstance(signal, str) else signal
         system.check_symbols("signal", expression)
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = self._times(t)
         function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
         parameters = np.array([self.values[name] for name in system.nominal])[:, None]
         found = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
@@ -232,6 +232,7 @@ class Solution:
         Returns:
             t (N s,), x (N s, nx), dx/dt (N s, nx), u (N s, nu).
         """
+        tau = argument.places("tau", tau, "places in [0, 1] of every element", 0.0, 1.0, least=1)
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
         x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
@@ -245,15 +246,50 @@ class Solution:
         Raises:
             ValueError: a time is not a number within the motion.
         """
-        slack = OUTSIDE * self.duration
-        if not np.all((t >= -slack) & (t <= self.duration + slack)):
-            raise ValueError(f"t: got {t.min()} .. {t.max()} s, the motion lasts from 0 to {self.duration} s")
+        return self._place(self._times(t))
+
+    def _place(self, t: Array) -> tuple[Array, Array]:
         share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
         element = self.grid.locate(share)
         return element, (share - self.grid.ends[element]) / self.grid.widths[element]
 
+    def _times(self, t: Array | float) -> Array:
+        times = argument.real(t)
+        if times is None or times.ndim > 1 or not times.size:
+            raise argument.refused("t", t, "times in s within the motion, one or (K,)")
+        slack = OUTSIDE * self.duration
+        if not np.all((times >= -slack) & (times <= self.duration + slack)):
+            raise ValueError(f"t: got {times.min()} .. {times.max()} s, the motion lasts from 0 to {self.duration} s")
+        return np.atleast_1d(times)
+
     def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        element, tau = self.locate(times)
+        element, tau = self._place(self._times(t))
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
+
+
+def with_model(function: str, solution: object, problem: Problem | None) -> Problem:
+    """Return the problem of a solution, or the one given for a solution that was loaded without it.
+
+    Args:
+        function: that asks, for the message.
+        solution: what was given as one.
+        problem: what was given for it; None for its own.
+
+    Raises:
+        TypeError: no Solution, or no Problem.
+        ValueError: no problem at all, or one with another number of states or controls.
+    """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"{function}: solution is {argument.shown(solution)}, expected a Solution of a Problem")
+    argument.instance(f"{function}: problem", problem, Problem | None, "a Problem, or None for that of the solution")
+    found = solution.problem if problem is None else problem
+    if found is None:
+        raise ValueError(f"{function}: this solution was loaded without its model; pass problem=...")
+    has, wanted = (
+        (found.system.x.numel(), found.system.u.numel()),
+        (solution.states.shape[2], solution.controls.shape[2]),
+    )
+    if has != wanted:
+        raise ValueError(f"{function}: problem has (nx, nu) = {has}, expected {wanted} as the solution")
+    return found

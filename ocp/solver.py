@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ocp import compilation
+from ocp import argument, compilation
 from ocp.collocation import Scheme, radau
 from ocp.compilation import Compilation
 from ocp.continuation import multipliers
@@ -19,7 +19,19 @@ from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
-from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
+from ocp.phases import (
+    STARTS,
+    Outcome,
+    Start,
+    as_guesses,
+    chain,
+    check_attempt,
+    check_duals,
+    check_settings,
+    is_ladder,
+    parameter_values,
+    phases_of,
+)  # fmt: skip
 from ocp.problem import Fixed, Problem, same_structure
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
@@ -61,8 +73,8 @@ class Prepared:
         """
         here = self.adapted(problem, grid)
         numbers = parameter_values(here.problem, values)
-        if guess is None or (isinstance(guess, list | tuple) and not isinstance(guess[0], STARTS)):
-            return climb(here, DEFAULT if guess is None else tuple(guess), values)
+        if guess is None or is_ladder(guess):
+            return climb(here, DEFAULT if guess is None else tuple(guess), values)  # type: ignore[arg-type]
         return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
 
     def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> Outcome:
@@ -72,6 +84,7 @@ class Prepared:
             solution: near the one looked for.
             values: of parameters, by name; nominal where silent.
         """
+        argument.instance("solution", solution, Solution, "a Solution")
         duals = multipliers(self.compound.programmes[0], solution)
         guesses = as_guesses(self.problem, solution)
         return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
@@ -94,21 +107,23 @@ class Prepared:
         self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
     ) -> Prepared:
         """Return another problem prepared on another grid, with the same scheme."""
+        check_settings(problem, self.compound.programmes[0].scheme, grid, settings)
         return prepare(problem, self.compound.programmes[0].scheme, grid, settings, values=values)
 
     def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
         """Return this programme for other numbers in the problem, or another grid of the same size."""
         programmes = self.compound.programmes
         if problem is not None:
-            pairs = zip(phases_of(self.problem), phases_of(problem), strict=True)
-            same = [same_structure(old, new) for old, new in pairs]
-            programmes = tuple(replace(p, problem=new) for p, new in zip(programmes, same, strict=True))
+            old, new = phases_of(self.problem), phases_of(problem)
+            if len(new) != len(old):
+                raise ValueError(f"problem: has {len(new)} phases, the prepared one {len(old)}; prepare it anew")
+            same = map(same_structure, old, new)
+            programmes = tuple(replace(p, problem=one) for p, one in zip(programmes, same, strict=True))
         if grid is not None:
-            for programme in programmes:
-                if len(grid) != len(programme.grid):
-                    raise ValueError(
-                        f"grid: has {len(grid)} elements, the programme was prepared for {len(programme.grid)}"
-                    )
+            argument.instance("grid", grid, Grid, "a Grid such as uniform(50)")
+            known = len(programmes[0].grid)  # that of all phases
+            if len(grid) != known:
+                raise ValueError(f"grid: has {len(grid)} elements, the programme was prepared for {known}")
             programmes = tuple(replace(p, grid=grid) for p in programmes)
         return replace(self, problem=problem or self.problem, compound=replace(self.compound, programmes=programmes))
 
@@ -131,8 +146,10 @@ class Prepared:
             spent: seconds that making the guess took; they count as set-up.
             duals: multipliers of the bounds and of the rows to start from.
         """
-        begun = time.perf_counter() - spent
+        begun = time.perf_counter() - argument.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
         programmes = self.compound.programmes
+        check_attempt(self.problem, guesses, values, warm, rung)
+        check_duals(duals, (sum(p.layout.size for p in programmes), self.compound.nlp["g"].numel()))
         every = [bounds(programme) for programme in programmes]
         tied = np.zeros(self.compound.links)
         low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
@@ -216,15 +233,11 @@ def prepare(
     scheme = radau(3) if scheme is None else scheme
     grid = uniform(50) if grid is None else grid
     solver = Ipopt() if solver is None else solver
-    for name, value, kinds in (
-        ("problem", problem, Problem | Sequence), ("scheme", scheme, Scheme), ("grid", grid, Grid),
-        ("solver", solver, Ipopt),
-    ):  # fmt: skip
-        if not isinstance(value, kinds):
-            raise TypeError(f"{name}: got {value!r}, expected {getattr(kinds, '__name__', kinds)}")
+    check_settings(problem, scheme, grid, solver)
+    made = None if guess is None or is_ladder(guess) else as_guesses(problem, guess)
     every = parameter_values(problem, values)
-    given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
-    guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
+    given = made if isinstance(guess, STARTS) or _fresh(guess) else None
+    guesses = chain(problem, every, smooth) if given is None else given
     programmes, translate = [], compilation.compiled if compiled else None
     for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
         free = free_parameters(phase)
@@ -272,5 +285,4 @@ def solve(
 
 
 def _fresh(guess: Any) -> bool:
-    parts = guess if isinstance(guess, list | tuple) else [guess]
-    return all(isinstance(part, Guess) for part in parts)
+    return all(isinstance(part, Guess) for part in (guess if isinstance(guess, list | tuple) else [guess]))

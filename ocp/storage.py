@@ -7,12 +7,13 @@ import json
 import math
 import os
 import uuid
+import zipfile
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ocp import argument
 from ocp.collocation import Control, Scheme, legendre, lobatto, radau
 from ocp.grid import Grid
 from ocp.problem import Problem
@@ -22,6 +23,8 @@ from ocp.structure import Arc, Contact, Kind, Row, Structure
 FORMAT = "hamel-solution"
 VERSION = 2  # 1 had no multipliers of limits
 SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
+LARGEST = 2**30  # bytes of a file, unpacked too; 5000 elements of 40 states take 20 million
+LONGEST = 160  # characters of a reason
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
 LIMITS = ("x", "u", "path", "ends")  # of the multipliers, as limits_x ...; absent where a solution has none
 
@@ -41,8 +44,9 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         OSError: the file cannot be written; what was there before is untouched.
     """
     if not isinstance(solution, Solution):
-        raise TypeError(f"save: got {solution!r}, expected a Solution; save the phases of a sequence one by one")
-    target = Path(path)
+        told = argument.shown(solution)
+        raise TypeError(f"save: solution is {told}, expected a Solution; save the phases of a sequence one by one")
+    target = argument.path("path", path)
     # Created by hand, so that the file gets the rights that the user's own files get.
     part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
     try:
@@ -111,7 +115,11 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         OSError: no such file.
         ValueError: no solution file, a damaged one, or one of a newer version.
     """
-    return decode(Path(path).read_bytes(), problem, os.fspath(path))
+    file_path = argument.path("path", path)
+    argument.instance("problem", problem, Problem | None, "the Problem it solves, or None")
+    if file_path.stat().st_size > LARGEST or not file_path.is_file():
+        raise ValueError(f"{path}: no solution file, expected a regular file of at most {LARGEST} bytes")
+    return decode(file_path.read_bytes(), problem, os.fspath(path))
 
 
 def decode(content: bytes, problem: Problem | None = None, path: str = "solution") -> Solution:
@@ -126,36 +134,78 @@ def decode(content: bytes, problem: Problem | None = None, path: str = "solution
         ValueError: no solution, a damaged one, or one of a newer version.
     """
     try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+        if unpacked > LARGEST:
+            raise ValueError(f"{unpacked} bytes when unpacked, expected at most {LARGEST}")
         # A truncated archive makes the zip reader complain again when it is thrown away: no file is opened here.
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
-            arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
+            arrays = {name: _array(name, file[name]) for name in ARRAYS}
             known = [name for name in LIMITS if f"limits_{name}" in file]
-            held = {name: np.array(file[f"limits_{name}"], dtype=float) for name in known}
+            held = {name: _array(f"limits_{name}", file[f"limits_{name}"]) for name in known}
     except Exception as error:  # zipfile, zlib, tokenize, numpy and json each raise their own for damaged bytes
-        raise ValueError(f"{path}: no readable solution file ({error})") from None
+        why = " ".join(str(error).split())[:LONGEST]
+        raise ValueError(f"{path}: no readable solution file ({why}), expected one written by save") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise ValueError(f"{path}: no solution file, expected the format {FORMAT!r}")
-    if not isinstance(about.get("version"), int) or about["version"] > VERSION:
-        raise ValueError(f"{path}: format version {about.get('version')!r}, expected a number up to {VERSION}")
+    version = about.get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or not 1 <= version <= VERSION:
+        raise ValueError(f"{path}: format version {argument.shown(version)}, expected a number up to {VERSION}")
     try:
+        for name in ("scheme", "free", "values", "timings", "log"):
+            argument.mapping(name, about.get(name), "named entries")
+        if not isinstance(about.get("status"), str) or about["status"] not in Status.__members__:
+            raise argument.refused("status", about.get("status"), f"one of {', '.join(Status.__members__)}")
         scheme = _scheme(about["scheme"])
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)
+        _check_numbers(about, arrays)
+        _check_model(arrays, problem)
         return Solution(
             Status[about["status"]], str(about["message"]), str(about["solver_status"]), _number(about["duration"]),
             _number(about["cost"]), arrays["states"], arrays["controls"], arrays["slopes"], arrays["costates"],
-            _numbers(about["free"]), _numbers(about["values"]), Timings(**about["timings"]), int(about["iterations"]),
-            grid, scheme, problem, str(about["rung"]), dict(about["log"]),
+            _numbers(about["free"]), _numbers(about["values"]), Timings(**_numbers(about["timings"])),
+            int(about["iterations"]), grid, scheme, problem, str(about["rung"]), dict(about["log"]),
             _multipliers(held, arrays), structure=_structure(about.get("structure"), arrays["controls"].shape[2]),
         )  # fmt: skip
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: the solution file is incomplete or damaged ({error})") from None
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
+        why = " ".join(str(error).split())[:LONGEST]
+        raise ValueError(
+            f"{path}: the solution file is incomplete or damaged ({why}), expected one written by save"
+        ) from None
+
+
+def _array(name: str, given: np.ndarray) -> np.ndarray:
+    array = argument.real(given)
+    if array is None:
+        raise ValueError(f"array {name} holds no real numbers")
+    return array
+
+
+def _check_numbers(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    """Refuse a solution that claims to be solved and is not finite."""
+    if Status[about["status"]] in (Status.SOLVED, Status.ACCEPTABLE):
+        wrong = [name for name in ARRAYS if not np.all(np.isfinite(arrays[name]))]
+        if wrong:
+            raise ValueError(f"array {wrong[0]} is not finite, though its status is {about['status']}")
+        argument.number("duration", about["duration"], "a finite number of seconds >= 0", at_least=0.0)
+        argument.number("cost", about["cost"])
+
+
+def _check_model(arrays: dict[str, np.ndarray], problem: Problem | None) -> None:
+    sizes = arrays["states"].shape[2], arrays["controls"].shape[2]
+    if problem is not None and sizes != (problem.system.x.numel(), problem.system.u.numel()):
+        wanted = problem.system.x.numel(), problem.system.u.numel()
+        raise ValueError(f"it has (nx, nu) = {sizes}, the system of the problem {wanted}")
 
 
 def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> Multipliers | None:
     if not held:
         return None
+    missing = [name for name in LIMITS if name not in held]
+    if missing:
+        raise ValueError(f"multipliers of limits lack {', '.join(missing)}")
     wrong = [name for name, like in (("x", "states"), ("u", "controls")) if held[name].shape != arrays[like].shape]
     if wrong or len(held["path"]) != len(arrays["states"]):
         raise ValueError("multipliers of limits do not fit the motion")

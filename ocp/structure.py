@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ocp import argument
 from ocp.problem import Problem
 from ocp.statelimit import StateLimit
 
@@ -95,6 +96,7 @@ class Structure:
         Raises:
             ValueError: no such control or limit in the table.
         """
+        argument.text("row", name, "the name of a control or a limit in the table")
         own = [row for row in self.rows if row.name == name]
         if not own:
             raise ValueError(f"no row {name!r}; there are {', '.join(dict.fromkeys(row.name for row in self.rows))}")

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from ocp import argument as argument
+
 Side = float | Sequence[float] | np.ndarray | None  # of a limit
 
 
@@ -18,6 +20,10 @@ class Label:
 
     name: str
     unit: str = ""
+
+    def __post_init__(self) -> None:
+        argument.text("Label: name", self.name)
+        argument.text("Label: unit", self.unit)
 
     def __str__(self) -> str:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
@@ -59,15 +65,19 @@ class System:
     def __post_init__(self) -> None:
         for name in ("x", "u", "p", "rate"):
             part = getattr(self, name)
-            if not isinstance(part, ca.SX):
-                raise TypeError(f"System: {name} is a {type(part).__name__}, expected a CasADi SX column")
+            argument.expression(f"System: {name}", part, "a CasADi SX column")
             if part.numel() and part.shape[1] != 1:
                 raise ValueError(f"System: {name} has shape {part.shape}, expected a column")
         for name in ("x", "u", "p"):
             if not getattr(self, name).is_valid_input():
                 raise ValueError(f"System: {name} must be made of symbols, got {getattr(self, name)}")
         if self.rate.numel() != self.x.numel():
-            raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}")
+            raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}; give as many")
+        for name in ("signals", "nominal", "labels", "limits", "initial"):
+            argument.mapping(f"System: {name}", getattr(self, name), "a dict by name")
+        argument.instance("System: notes", self.notes, tuple | list, "a tuple of sentences")
+        for note in self.notes:
+            argument.text("System: notes, each", note, "a sentence")
         if len(self.nominal) != self.p.numel():
             raise ValueError(
                 f"System: nominal names {len(self.nominal)} parameters ({', '.join(self.nominal) or 'none'}), "
@@ -83,11 +93,14 @@ class System:
                 raise TypeError(f"System: signal {name!r} is a {type(expression).__name__}, expected a CasADi SX")
             self.check_symbols(f"signal {name!r}", expression)
         for name, labels in self.labels.items():
+            argument.instance(f"System: labels of {name!r}", labels, tuple | list, "a tuple of Labels")
             size = (self.x if name == "x" else self.u if name == "u" else self[name]).numel()
             if len(labels) != size:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
         for name in (*self.limits, *self.initial):
-            self[name]
+            if name not in self.signals:
+                given = "limits" if name in self.limits else "initial"
+                raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
 
     def __reduce__(self) -> tuple[object, ...]:
         # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.
@@ -96,23 +109,31 @@ class System:
         return rebuild, (function, tuple(self.signals), *data)
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
-        """Raise ValueError if `expression` has a symbol that is not in x, u or p."""
+        """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is none."""
+        argument.text("what", what, "what the expression is called")
+        argument.expression(what, expression)
         known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
         foreign = [str(s) for s in ca.symvar(expression) if s.element_hash() not in known]
         if foreign:
             raise ValueError(
-                f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)} "
-                "(two symbols of one name are two symbols)"
+                f"{what} has symbols that are not in x, u or p of the system: {', '.join(foreign)}; "
+                "use those of the system (two symbols of one name are two symbols)"
             )
 
     def __getitem__(self, name: str) -> ca.SX:
         """Return the signal called `name`, or raise KeyError with the names there are."""
-        if name in self.signals:
+        if isinstance(name, str) and name in self.signals:
             return self.signals[name]
-        raise KeyError(f"no signal {name!r}; this system has {', '.join(self.signals) or 'none'}")
+        raise KeyError(f"no signal {argument.shown(name)}; this system has {self._names}")
+
+    @property
+    def _names(self) -> str:
+        return ", ".join(self.signals) or "none"
 
     def label(self, name: str, size: int) -> tuple[Label, ...]:
         """Return the labels of a signal (or of "x", "u") with `size` components."""
+        argument.text("name", name)
+        argument.whole("size", size, 0, of="components")
         if name in self.labels:
             return self.labels[name]
         return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
@@ -124,14 +145,14 @@ class System:
             ValueError: `given` names a parameter that the system does not have, or a value that is not finite.
         """
         given = {} if given is None else given
+        argument.mapping("values", given, "a dict parameter name -> number, or None")
         for name in given:
             if name not in self.nominal:
                 raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
         found = {**self.nominal, **given}
         for name, value in found.items():
-            if not (isinstance(value, int | float | np.number) and np.isfinite(value)):
-                raise ValueError(f"parameter {name!r}: got {value!r}, expected a finite number")
-        return [float(found[name]) for name in self.nominal]
+            found[name] = argument.number(f"parameter {name!r}", value, "a finite number")
+        return [found[name] for name in self.nominal]
 
 
 @functools.lru_cache(maxsize=32)

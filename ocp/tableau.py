@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ocp import argument
 from ocp.collocation import integration_matrix, legendre, quadrature, radau
 
 Array = np.ndarray
@@ -69,7 +70,6 @@ def explicit(name: str, rows: Sequence[Sequence[float]], b: Sequence[float], ord
     return Tableau(name, a, np.array(b, dtype=float), order)
 
 
-@functools.lru_cache(maxsize=16)
 def gauss(stages: int) -> Tableau:
     """Return the Gauss method: order 2 stages, symplectic, symmetric, A-stable; 1 stage is the implicit midpoint rule.
 
@@ -81,11 +81,16 @@ def gauss(stages: int) -> Tableau:
 
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
+    argument.whole("stages", stages, 1, 12)
+    return _gauss(int(stages))
+
+
+@functools.lru_cache(maxsize=16)
+def _gauss(stages: int) -> Tableau:
     points = legendre(stages).points
     return Tableau(f"gauss({stages})", integration_matrix(points), quadrature(points), 2 * stages)
 
 
-@functools.lru_cache(maxsize=16)
 def radau_iia(stages: int) -> Tableau:
     """Return the Radau IIA method: order 2 stages - 1, L-stable; 1 stage is the implicit Euler method.
 
@@ -97,6 +102,12 @@ def radau_iia(stages: int) -> Tableau:
 
     Source: Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
+    argument.whole("stages", stages, 1, 12)
+    return _radau_iia(int(stages))
+
+
+@functools.lru_cache(maxsize=16)
+def _radau_iia(stages: int) -> Tableau:
     points = radau(stages).points
     return Tableau(f"radau_iia({stages})", integration_matrix(points), quadrature(points), 2 * stages - 1)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ocp import argument
 from ocp.constraint import Limit, along, end, start
 from ocp.problem import Bolza, Fixed, Free, Problem
 from ocp.system import System
@@ -39,26 +40,33 @@ def point_to_point(
         KeyError: a limit on a signal that the system does not have.
         ValueError: sizes disagree, a magnitude < 0, or "minimise" is another word.
     """
-    if not isinstance(system, System):
-        raise TypeError(f"point_to_point: system is {system!r}, expected a System")
+    argument.instance("point_to_point: system", system, System, "a System")
+    for name, position in (("q0", q0), ("q1", q1)):
+        _check_size(name, argument.numbers(f"point_to_point: {name}", position), system["q"].numel())
     if isinstance(minimise, str):
         if minimise != "time":
             raise ValueError(f"point_to_point: minimise is {minimise!r}, expected 'time' or a Bolza cost")
         minimise = Bolza(time=1.0)
-    bounded = tuple(along(system[name], *_sides(name, limit)) for name, limit in limits.items())
+    bounded = tuple(along(system[name], *_sides(name, limit, system[name].numel())) for name, limit in limits.items())
     still = system.signals.get("rest", system["v"])
     rest = (start(system["q"], q0), start(still, 0.0), end(system["q"], q1), end(still, 0.0))
     initial = tuple(start(system[name], value) for name, value in system.initial.items())
     return Problem(system, Free() if horizon is None else horizon, minimise, (*rest, *initial, *bounded))
 
 
-def _sides(name: str, limit: Limit | tuple[Limit, Limit]) -> tuple[Limit, Limit]:
+def _check_size(name: str, given: np.ndarray, size: int) -> None:
+    if given.size not in (1, size):
+        raise ValueError(f"point_to_point: {name} has {given.size} components, expected {size}")
+
+
+def _sides(name: str, limit: Limit | tuple[Limit, Limit], components: int) -> tuple[Limit, Limit]:
     if isinstance(limit, tuple) and len(limit) == 2:
         return limit  # type: ignore[return-value]
-    try:
-        size = np.asarray(limit, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"point_to_point: {name} = {limit!r}, expected numbers or a tuple (lower, upper)") from None
-    if np.any(size < 0.0) or np.any(np.isnan(size)):
-        raise ValueError(f"point_to_point: {name} = {limit}, expected magnitudes >= 0 or a tuple (lower, upper)")
+    if limit is None:
+        return None, None
+    size = argument.real(limit)
+    if size is None or not np.all(size >= 0.0):
+        told = argument.shown(limit)
+        raise ValueError(f"point_to_point: {name} = {told}, expected magnitudes >= 0 or a tuple (lower, upper)")
+    _check_size(name, size, components)
     return -size, size

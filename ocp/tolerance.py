@@ -8,6 +8,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.error import Errors
 from ocp.solution import Solution
 
@@ -54,10 +55,12 @@ class Cost:
 
     def error(self, solution: Solution, errors: Errors) -> float:
         """Return the error of the cost."""
+        _check(solution, errors)
         return errors.cost
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return what every element adds to it (N,)."""
+        _check(solution, errors)
         return errors.elements
 
 
@@ -74,10 +77,12 @@ class Share:
 
     def error(self, solution: Solution, errors: Errors) -> float:
         """Return the error as a share of the cost."""
+        _check(solution, errors)
         return errors.cost / max(abs(solution.cost), 1e-300)
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return what every element adds to it (N,)."""
+        _check(solution, errors)
         return np.asarray(errors.elements / max(abs(solution.cost), 1e-300))
 
 
@@ -94,10 +99,12 @@ class Seconds:
 
     def error(self, solution: Solution, errors: Errors) -> float:
         """Return the error of the duration [s]."""
+        _check(solution, errors)
         return errors.duration
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return what every element adds to it (N,)."""
+        _check(solution, errors)
         return np.asarray(errors.elements * (errors.duration / max(errors.cost, 1e-300)))
 
 
@@ -116,6 +123,7 @@ class Signal:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        argument.text("Signal: name", self.name, "the name of a signal of states")
         _positive(self)
 
     @property
@@ -125,12 +133,14 @@ class Signal:
 
     def error(self, solution: Solution, errors: Errors) -> float:
         """Return the largest distance of the signal at ends of elements."""
+        _check(solution, errors)
         if not np.isfinite(errors.cost):
             return float("inf")
         return float(np.max(np.abs(self._of(solution, errors.drift[1:]))))
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return the local errors of the elements (N,)."""
+        _check(solution, errors)
         return np.asarray(np.max(np.abs(self._of(solution, errors.local)), axis=1))
 
     def _of(self, solution: Solution, apart: Array) -> Array:
@@ -149,6 +159,12 @@ class Signal:
 
 
 def _positive(tolerance: Tolerance) -> None:
-    tol = tolerance.tol
-    if isinstance(tol, bool | str) or not 0.0 < tol < np.inf:
-        raise ValueError(f"{type(tolerance).__name__}: tol is {tol!r}, expected a number > 0")
+    called = type(tolerance).__name__
+    argument.number(f"{called}: tol", tolerance.tol, "a number > 0", above=0.0)
+    argument.text(f"{called}: unit", tolerance.unit)
+    argument.text(f"{called}: what", tolerance.what)
+
+
+def _check(solution: Solution, errors: Errors) -> None:
+    argument.instance("solution", solution, Solution, "a Solution")
+    argument.instance("errors", errors, Errors, "its Errors, as estimate(solution) returns them")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.rule import Array, rate, symbols
 from ocp.system import System
 
@@ -34,9 +35,7 @@ class PredictorCorrector:
     corrections: int = 2
 
     def __post_init__(self) -> None:
-        m = self.corrections
-        if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 1:
-            raise ValueError(f"corrections: got {m!r}, expected a whole number >= 1")
+        argument.whole("corrections", self.corrections, 1)
 
     @property
     def order(self) -> int:

@@ -13,7 +13,7 @@ from ocp.constraint import Where
 from ocp.problem import Free, Problem
 from ocp.sequence import SequenceSolution
 from ocp.simulation import simulate
-from ocp.solution import Solution
+from ocp.solution import Solution, with_model
 
 Array = np.ndarray
 SAMPLES = 24  # places on each element at which limits are checked
@@ -104,9 +104,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     """
     if isinstance(solution, SequenceSolution):
         return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
-    problem = problem or solution.problem
-    if problem is None:
-        raise ValueError("verify: this solution was loaded without its model; pass problem=...")
+    problem = with_model("verify", solution, problem)
     scale = _sizes(solution, problem)
     drift, end, energy = _reintegrate(solution, problem, scale)
     beyond = excess(solution, problem)

@@ -333,7 +333,7 @@ def test_wrong_input():
             integrators.euler(step)
     with pytest.raises(ValueError, match="corrections: got 0"):
         integrators.predictor_corrector(0.1, 0)
-    with pytest.raises(ValueError, match="degree: got 0"):
+    with pytest.raises(ValueError, match="stages: got 0"):
         integrators.gauss(0, 0.1)
     with pytest.raises(ValueError, match="rtol, atol: got -1"):
         integrators.dormand_prince_8(-1.0)

@@ -173,7 +173,7 @@ def test_samples_without_noise_are_followed():
         (lambda: Motion.trapezoidal([0], [1], 1.0, 1.0, 0.5), "the limits need 2 s"),
         (lambda: Motion.s_curve([0, 0], [1, 1], 1.0, 1.0, [1.0, 1.0, 1.0]), "jerk"),
         (lambda: Motion.through([0, 1, 1], [[0], [1], [2]]), "repeated"),
-        (lambda: Motion.through([0, 1, 2], [[0], [1]]), "shape"),
+        (lambda: Motion.through([0, 1, 2], [[0], [1]]), "expected one row for each time"),
         (lambda: Motion.through([0, 1, 2], [[0], [1], [2]], degree=4), "odd"),
         (lambda: Motion.through([0, 1, 2], [[0], [1], [2]], ends=Ends({1: 0.0})), "needs 4"),
         (lambda: Motion.through([0, 1], [[0], [1]], ends=natural(5)), "do not fix"),

@@ -12,6 +12,7 @@ from models.manipulator import Body, Manipulator
 from models.parameters import Value
 from models.placement import point_metric, simplified
 from models.terms import Terms
+from ocp.system import argument
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,10 @@ class Counterbalance:
 
     def __post_init__(self) -> None:
         fields = read_fields(self)
+        argument.instance("counterbalance.body", self.body, str | None, "the name of a body, or None")
         for name in ("at", "anchor"):
             if not isinstance(fields[name], tuple) or len(fields[name]) != 3 or None in fields[name]:
-                raise ValueError(f"counterbalance.{name}: got {getattr(self, name)!r}, expected three numbers")
+                raise argument.refused(f"counterbalance.{name}", getattr(self, name), "three numbers")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the mass and the potential."""

@@ -13,6 +13,7 @@ import numpy as np
 from models.manipulator import Manipulator
 from models.parameters import Parameter, Value, number
 from models.terms import Effect, Quantity, Terms, name_of
+from ocp.system import argument
 
 Entry = ca.SX | float  # what enters the graph
 Each = Value | Sequence[Value]  # one value for all drives, or one for each
@@ -67,6 +68,17 @@ class Fields:
         return value
 
 
+def present(fields: Fields, name: str, place: int, value: Any) -> Any:
+    """Return the entry of a drive where one is needed.
+
+    Raises:
+        ValueError: the drive has None there.
+    """
+    if value is None:
+        raise ValueError(f"{fields.prefix}.{name}_{place + 1}: got None, expected a number, as this drive has the rest")
+    return value
+
+
 def read_fields(effect: Effect, *names: str) -> Fields:
     """Check fields of an effect made by `quantity` and make symbols of those wrapped in `Parameter`.
 
@@ -88,6 +100,8 @@ def read_fields(effect: Effect, *names: str) -> Fields:
         if (above is not None and raw <= above) or (least is not None and raw < least):
             wanted = f"> {above:g}" if above is not None else f">= {least:g}"
             raise ValueError(f"{name}: got {raw:g} {about['unit']}, expected a number {wanted}")
+        if above == 0.0 and raw < argument.SMALLEST:
+            raise argument.refused(name, raw, f"a number > 0, {argument.RANGE}")
         if not isinstance(value, Parameter):
             return raw
         nominal[name], symbols[name] = raw, ca.SX.sym(name)
@@ -97,7 +111,7 @@ def read_fields(effect: Effect, *names: str) -> Fields:
         if "unit" not in field.metadata or (names and field.name not in names):
             continue
         name, value = f"{prefix}.{field.name}", getattr(effect, field.name)
-        several = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) and np.ndim(value) == 1
+        several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
         if several and not field.metadata["scalar"]:
             if len(value) == 0:
                 raise ValueError(f"{name}: got no values, expected one for all drives or one for each")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Each, quantity, read_fields
+from models.effects.fields import Each, present, quantity, read_fields
 from models.manipulator import Manipulator
 from models.terms import Terms
 
@@ -80,8 +80,8 @@ class Coulomb:
         fields = read_fields(self)
         widths = fields.each("width", machine)
         force = [
-            -f * ca.tanh(v / width) if f is not None else 0.0
-            for (f, v), width in zip(_with_speeds(machine, fields.each("f", machine)), widths, strict=True)
+            -f * ca.tanh(v / present(fields, "width", i, widths[i])) if f is not None else 0.0
+            for i, (f, v) in enumerate(_with_speeds(machine, fields.each("f", machine)))
         ]
         return Terms(
             force=ca.vertcat(*map(ca.SX, force)),
@@ -127,10 +127,13 @@ class Stribeck:
         fields = read_fields(self)
         columns = (fields.each(name, machine) for name in ("f", "f_static", "speed", "width"))
         force = []
-        for (f, static, speed, width), v in zip(zip(*columns, strict=True), ca.vertsplit(machine.v), strict=True):
+        for i, ((f, static, speed, width), v) in enumerate(
+            zip(zip(*columns, strict=True), ca.vertsplit(machine.v), strict=True)
+        ):
             if f is None or static is None:
                 force.append(0.0)
             else:
+                speed, width = present(fields, "speed", i, speed), present(fields, "width", i, width)
                 force.append(-(f + (static - f) * ca.exp(-((v / speed) ** 2))) * ca.tanh(v / width))
         return Terms(
             force=ca.vertcat(*map(ca.SX, force)),

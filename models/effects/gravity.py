@@ -9,8 +9,9 @@ import numpy as np
 
 from models.effects.fields import quantity, read_fields
 from models.manipulator import Manipulator
-from models.parameters import Value, number
+from models.parameters import Value
 from models.terms import Terms
+from ocp.system import argument
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,9 @@ class Gravity:
 
     def __post_init__(self) -> None:
         read_fields(self, "g")
-        try:
-            components = [number("gravity.direction", d, "m/m") for d in self.direction]
-        except TypeError:
-            components = []
-        if len(components) != 3 or not any(components):
-            raise ValueError(f"gravity.direction: got {self.direction!r}, expected three numbers, not all zero")
+        wanted = "three numbers, not all zero"
+        if not np.any(argument.column("gravity.direction", self.direction, 3, wanted)):
+            raise argument.refused("gravity.direction", self.direction, wanted)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the field; it acts on all masses, those that other effects attach included."""

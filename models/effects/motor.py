@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Some, bounded, names_of, quantity, read_fields, units_of
+from models.effects.fields import Some, bounded, names_of, present, quantity, read_fields, units_of
 from models.manipulator import Manipulator
 from models.parameters import Parameter, Value
 from models.terms import Quantity, Rate, Read, Source, State, Terms
@@ -59,8 +59,8 @@ class MotorDrive:
         constant, resistance, inductance, ratio = columns
         motors = [i for i in range(n) if constant[i] is not None]
         for i in motors:
-            if any(column[i] is None for column in columns):
-                raise ValueError(f"motor_drive: the motor of {machine.coordinates[i].name} lacks a value (None)")
+            for name, column in zip(("constant", "resistance", "inductance", "ratio"), columns, strict=True):
+                present(fields, name, i, column[i])
         forces = units_of(machine, force=True)
         names = tuple(
             ("voltage_" if i in motors else "tau_") + coordinate.name

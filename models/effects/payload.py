@@ -14,6 +14,7 @@ from models.manipulator import Body, Manipulator
 from models.parameters import Value
 from models.placement import point_metric, turning_metric
 from models.terms import Terms
+from ocp.system import argument
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Payload:
         for name, sizes in (("offset", (3,)), ("inertia", (3, 6))):
             value = fields[name]
             if not isinstance(value, tuple) or len(value) not in sizes or None in value:
-                raise ValueError(f"payload.{name}: got {getattr(self, name)!r}, expected three numbers"
-                                 + (" (11, 22, 33) or six (and 12, 13, 23)" if name == "inertia" else ""))  # fmt: skip
+                more = " (11, 22, 33) or six (and 12, 13, 23)" if name == "inertia" else ""
+                raise argument.refused(f"payload.{name}", getattr(self, name), f"three numbers{more}")
         numbers = [fields.nominal.get(f"payload.inertia_{i + 1}", e) for i, e in enumerate(fields["inertia"])]
         moments = np.linalg.eigvalsh(np.array(ca.DM(_tensor(numbers))))
         slack = ROUNDING * max(abs(moments[2]), abs(moments[0]))

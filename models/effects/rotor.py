@@ -11,6 +11,7 @@ import numpy as np
 from models.effects.fields import Each, quantity, read_fields
 from models.manipulator import Manipulator
 from models.terms import Terms
+from ocp.system import argument
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,10 @@ class RotorInertia:
     def __post_init__(self) -> None:
         read_fields(self, "inertia", "ratio")
         if self.coupling is not None:
-            try:
-                matrix = np.array(self.coupling, dtype=float)
-            except (TypeError, ValueError):
-                matrix = np.zeros(0)
-            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.all(np.isfinite(matrix)):
-                raise ValueError(f"rotor_inertia.coupling: got {self.coupling!r}, expected a square matrix of numbers")
+            wanted = "a square matrix of numbers"
+            matrix = argument.numbers("rotor_inertia.coupling", self.coupling, wanted)
+            if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+                raise argument.refused("rotor_inertia.coupling", self.coupling, wanted)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Each, Some, quantity, read_fields
+from models.effects.fields import Each, Some, present, quantity, read_fields
 from models.manipulator import Manipulator
 from models.terms import Terms
 
@@ -48,11 +48,14 @@ class JointStop:
         """Return the forces, and the energy of the springs."""
         fields, n = read_fields(self), machine.q.numel()
         stiffness, damping, width = (fields.each(name, machine) for name in ("stiffness", "damping", "width"))
+        columns = {"stiffness": stiffness, "damping": damping, "width": width}
         spring, force = ca.SX(0), ca.SX(n, 1)
         for name, sign in (("lower", -1.0), ("upper", 1.0)):
             for i, place in enumerate(fields.each(name, machine)):
                 if place is None:
                     continue
+                for other, column in columns.items():
+                    present(fields, other, i, column[i])
                 beyond = sign * (machine.q[i] - place)
                 root = ca.sqrt(beyond**2 + width[i] ** 2)
                 force[i] -= stiffness[i] * (beyond + root) / 2 * (sign + damping[i] * machine.v[i])

@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from models.effects.fields import Fields, quantity, read_fields
 from models.manipulator import Manipulator
 from models.parameters import Value
 from models.placement import angular_velocity, simplified
 from models.terms import Read, Terms, name_of
+from ocp.system import argument
 
 Vector = Sequence[Value] | Callable[..., Sequence[ca.SX | float] | ca.SX]
 # Components of the signals that every machine has; None for one for each joint.
@@ -48,11 +50,17 @@ class ToolForce:
     def __post_init__(self) -> None:
         for name in ("force", "moment"):
             value = getattr(self, name)
-            if not callable(value):
-                if isinstance(value, str) or not isinstance(value, Sequence) or len(value) != 3 or None in value:
-                    raise ValueError(f"tool_force.{name}: got {value!r}, expected three numbers or a function")
+            if not callable(value) or isinstance(value, type):
+                wanted = "three numbers or a function"
+                several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim == 1)
+                if not several or len(value) != 3 or any(part is None for part in value):
+                    raise argument.refused(f"tool_force.{name}", value, wanted)
                 read_fields(self, name)
-        object.__setattr__(self, "of", (self.of,) if isinstance(self.of, str) else tuple(self.of))
+        argument.truth("tool_force.in_tool_axes", self.in_tool_axes)
+        of = (self.of,) if isinstance(self.of, str) else self.of
+        if not isinstance(of, tuple | list) or not of or not all(isinstance(name, str) and name for name in of):
+            raise argument.refused("tool_force.of", self.of, "the names of signals, such as ('time',)")
+        object.__setattr__(self, "of", tuple(of))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the generalised force."""
@@ -90,7 +98,11 @@ class ToolForce:
             returned = getattr(self, name)(*arguments)
             vector = returned if isinstance(returned, ca.SX) else ca.SX(ca.vertcat(*returned))
         except Exception as error:
-            raise ValueError(f"tool_force.{name}: the function of {', '.join(self.of)} failed: {error}") from error
+            told = argument.shown(str(error).split("\n", 1)[0])
+            raise ValueError(
+                f"tool_force.{name}: the function of {', '.join(self.of)} failed ({told}), expected one that returns "
+                "three expressions"
+            ) from error
         known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*arguments))}
         if vector.numel() != 3 or any(symbol.element_hash() not in known for symbol in ca.symvar(vector)):
             raise ValueError(

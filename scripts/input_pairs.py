@@ -1,0 +1,172 @@
+"""Bad input that fits each argument alone: parts of different sizes, of different systems, of different machines."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from typing import Any
+
+import casadi as ca
+import input_examples as example
+import input_models
+from input_call import BAD, Fault, fault, sentence
+
+import ocp
+from models import Motion, forms, inverse_dynamics, recover, spherical
+from models.effects import ElasticDrive, Gravity, ToolForce, WindingHeat
+
+Attempt = tuple[str, Callable[[], object], tuple[str, ...]]  # what, the attempt, words that name the argument
+
+
+@cache
+def _small() -> ocp.Problem:
+    """Return a problem of another system, a mass on a line."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    line = ocp.System(x, u, ca.SX(0, 1), ca.vertcat(x[1], u), {"q": x[0], "v": x[1], "u": u})
+    return ocp.point_to_point(line, [0.0], [1.0], u=1.0)
+
+
+@cache
+def _bare() -> ocp.Solution:
+    """Return a solution without its model."""
+    return dataclasses.replace(example.solution(), problem=None)
+
+
+def effects() -> Iterator[Attempt]:
+    """Yield effects whose lists do not fit the machine: of another length, or None where there must be a value."""
+    long = BAD["long"]
+    for call in input_models.acting():
+        for name, argument in call.arguments.items():
+            base = {key: one.valid for key, one in call.arguments.items()}
+            for bad, value in (("17 values", long), ("three times None", [None] * 3)):
+                if ("long" if value is long else "nones") in argument.fits:
+                    made = partial(call.function, **(base | {name: value}))
+                    yield f"{call.name}({name} = {bad})", partial(_on_machine, made), (name,)
+
+
+def _on_machine(make: Callable[..., Any]) -> object:
+    made = make()
+    more = [] if not isinstance(made, WindingHeat) else [_motors()]
+    return forms.canonical(example.machine(), [*more, made])
+
+
+def _motors() -> Any:
+    from models.effects import MotorDrive
+
+    return MotorDrive(0.1, 1.0)
+
+
+def parts() -> Iterator[Attempt]:
+    """Yield parts that do not belong together."""
+    bad: Any = partial  # what is given here has the wrong type on purpose
+    problem, solution, small, arm = example.problem(), example.solution(), _small(), example.system()
+    rest = {"system": arm, "x0": [0.0] * 6, "times": 0.1}
+    grid = ocp.uniform(4)
+    for name, function in (("verify", ocp.verify), ("estimate", ocp.estimate), ("polish", ocp.polish)):
+        yield f"{name} with another problem", bad(function, solution, small), ("problem",)
+        yield f"{name} without a problem", bad(function, _bare()), ("problem",)
+    yield "solve from another system", bad(ocp.solve, small, guess=solution), ("guess",)
+    yield "solve a sequence from one guess", bad(ocp.solve, example.sequence(), guess=solution), ("guess",)
+    for extra in ({"no such": 1}, {"mu_strategy": 3}, {"max_iter": "many"}, {3: 4}, {"tol": None}, {"tol": [1.0]}):
+        options = bad(ocp.Ipopt, progress=False, extra=extra)
+        yield f"options {extra}", bad(_solved, problem, grid, options), ("extra",)
+    yield "prepared for another problem", bad(example.prepared(), problem=small), ("problem",)
+    yield "prepared for a sequence", bad(example.prepared(), problem=example.sequence()), ("problem",)
+    yield "prepared on another grid", bad(example.prepared(), grid=ocp.uniform(9)), ("grid",)
+    yield "no such parameter on a path", bad(
+        ocp.solve, problem, grid=grid, guess=(ocp.ParameterPath("no such"),)), ("parameter",)  # fmt: skip
+    for what, value in (("None", None), ("a text", "full"), ("two numbers", [1.0, 2.0]), ("NaN", [math.nan] * 3)):
+        control = bad(_constant, value)
+        yield f"a control that returns {what}", bad(ocp.simulate, **rest, control=control), ("control",)
+    late = bad(_turns, [math.nan] * 3)
+    yield (
+        "a control that returns NaN later",
+        bad(_reached, bad(ocp.simulate, **rest, control=late)),
+        ("control", "f"),
+    )
+    wrong = bad(_turns, [1.0])
+    yield "a control of another size later", bad(ocp.simulate, **rest, control=wrong), ("control",)
+    yield "a signal without a model", bad(_bare().signal, "q", 0.0), ("signal",)
+    yield "an error without a model", lambda: _bare().error, ("error",)
+    yield "a tolerance on a control", bad(_parts, ocp.Signal("tau", 1e-3)), ("Signal",)
+    yield "a tolerance on nothing", bad(_parts, ocp.Signal("no such", 1e-3)), ("signal",)
+    yield "problems without links", bad(ocp.Sequence, (problem, small)), ("Sequence", "link")
+    yield "a motion of another system", bad(Motion.of, solution, small.system), ("solution",)
+    yield "a motion of no system", bad(Motion.of, _bare()), ("solution",)
+    yield (
+        "torques of another machine",
+        bad(Motion.quintic([0.0], [1.0], 1.0).torques, example.machine()),
+        ("motion",),
+    )
+    yield "drives without a tension", bad(_damped), ("drive_dynamics",)
+    yield "recovered from another machine", bad(recover, arm, spherical(), [Gravity()]), ("system", "machine")
+    yield (
+        "an effect that returns None",
+        bad(inverse_dynamics, example.machine(), [lambda machine, terms: None]),
+        ("effects",),
+    )
+    force = bad(ToolForce, lambda t: "up")()
+    yield "a force that is a text", bad(forms.canonical, example.machine(), [force]), ("force",)
+    yield "a region of another dimension", bad(ocp.inside, ocp.Ball([0.0, 0.0], 1.0), arm["tool"]), ("Ball",)
+    yield "a problem with a foreign symbol", bad(
+        ocp.Problem, arm, subject_to=ocp.along(ca.SX.sym("y"), 0.0)), ("along",)  # fmt: skip
+    yield "an expression without components", bad(ocp.along, ca.SX(0, 1), 0.0), ("along", "expression")
+    yield "a scheme without controls between", bad(ocp.polish, solution, scheme=ocp.radau(3)), ("scheme",)
+    yield "a file of another problem", bad(_reloaded, small), ("problem",)
+
+
+def _solved(problem: ocp.Problem, grid: ocp.Grid, settings: Callable[[], ocp.Ipopt]) -> object:
+    return ocp.solve(problem, grid=grid, solver=settings())
+
+
+def _constant(value: object, t: float) -> object:
+    return value
+
+
+def _turns(value: list[float], t: float) -> list[float]:
+    return [0.0, 0.0, 0.0] if t < 0.05 else value
+
+
+def _reached(run: Callable[[], ocp.Trajectory]) -> object:
+    found = run()
+    if not found.ok:
+        raise ValueError(found.message)  # told by value, as an integration fails
+    return found
+
+
+def _parts(tolerance: ocp.Tolerance) -> object:
+    solution = example.solution()
+    return tolerance.parts(solution, ocp.estimate(solution))
+
+
+def _damped() -> object:
+    from models import drive_dynamics
+
+    return drive_dynamics(example.machine(), [ElasticDrive(1e4, 1.0, damping=3.0)])
+
+
+def _reloaded(problem: ocp.Problem) -> object:
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "one.npz"
+        ocp.save(example.solution(), path)
+        return ocp.load(path, problem)
+
+
+def answers() -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield kind, attempt and the fault of its answer, None for a sentence as it should be or for none needed."""
+    for what, attempt, names in effects():
+        try:
+            attempt()  # a list may fit this machine, or None may mean none
+        except (ValueError, TypeError, KeyError) as error:
+            told = sentence(error, names)
+            yield "effects", what, Fault("effects", what, "", told) if told else None
+        except BaseException as error:
+            yield "effects", what, Fault("effects", what, "", f"{type(error).__name__}: {error}"[:300])
+    for what, attempt, names in parts():
+        told = fault(attempt, names)
+        yield "parts", what, Fault("parts", what, "", told) if told else None

@@ -1,0 +1,64 @@
+"""Stability suite: bad input to everything public, and broken files, are answered with one sentence."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
+from pathlib import Path
+
+import input_files
+import input_models
+import input_ocp
+import input_pairs
+from input_call import BAD, Call, Fault, answers, extremes
+from stability_case import Case, Figure
+
+Answers = Iterable[tuple[str, str, Fault | None]]
+
+
+def figure(found: Answers) -> Figure:
+    """Return the number of answers that are not one sentence naming the argument, none of which is tolerated."""
+    faults = [fault for _, _, fault in found]
+    wrong = [fault for fault in faults if fault is not None]
+    note = f"{len(faults)} bad values" + (f"; {wrong[0]}" if wrong else "")
+    return Figure(float(len(wrong)), 0.0, note=note)
+
+
+def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[Figure]]:
+    def measure() -> Iterator[Figure]:
+        for call in package():
+            call()  # the valid call is one
+            if call.arguments:
+                yield figure((*answers(call), *extremes(call)))
+
+    return measure
+
+
+def _pairs() -> Iterator[Figure]:
+    for _, found in groupby(input_pairs.answers(), key=lambda answer: answer[0]):
+        yield figure(found)
+
+
+def _files() -> Iterator[Figure]:
+    with tempfile.TemporaryDirectory() as folder:
+        for _, found in groupby(input_files.answers(Path(folder)), key=lambda answer: answer[0]):
+            yield figure(found)
+
+
+QUANTITY = f"answers to {len(BAD)} bad values of each argument that are not one sentence naming it"
+PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
+    ("systems, constraints and problems", input_ocp.systems),
+    ("regions", input_ocp.regions),
+    ("grids, schemes, guesses, settings, tolerances", input_ocp.grids),
+    ("integrators and simulation", input_ocp.methods),
+    ("solving, refining, verifying, solutions", input_ocp.solves),
+    ("machines, forms, scenes", input_models.machines),
+    ("effects", input_models.acting),
+    ("motions, paths, drives", input_models.motions),
+)
+CASES: tuple[Case, ...] = (
+    *(Case("input", name, QUANTITY, "", _refused(package)) for name, package in PARTS),
+    Case("input", "parts that do not belong together", "answers that are not one sentence naming one", "", _pairs),
+    Case("input", "broken files", "answers that are not one sentence naming the file", "", _files),
+)
