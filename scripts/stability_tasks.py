@@ -1,0 +1,142 @@
+"""Random optimal-control tasks of the stability suite: each ends verified or with a reason in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from stability_draws import KINDS, effects, parameters
+
+from models import inverse_dynamics
+from models.effects import Gravity
+from models.forms import canonical, hamel, lagrange
+from models.manipulator import Manipulator
+from models.terms import Effect
+from ocp import (
+    Bolza, Control, Fixed, Free, Grid, Ipopt, Problem, Report, Solution, legendre, lobatto, point_to_point, radau,
+    solve, uniform, verify,
+)  # fmt: skip
+from ocp.collocation import Scheme
+from ocp.ladder import Smooth, StraightLine
+
+Array = np.ndarray
+FORMS = (lagrange, hamel, canonical)
+SETTINGS = Ipopt(max_iter=150, max_seconds=10.0, progress=False)
+LADDER = (Smooth(), StraightLine())
+DOUBLINGS = 2  # of the grid, for a solution that is not verified on the one drawn
+REGULAR = ("regular", "ldl", "udu", "coordinate")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One random task, and what it was drawn from in words."""
+
+    problem: Problem
+    scheme: Scheme
+    grid: Grid
+    words: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of a task: "verified", "diagnosed", "doubted" or "unexplained"."""
+
+    kind: str
+    words: str
+    iterations: int = 0
+
+
+def draw(seed: int) -> Task:
+    """Return the random task of a seed.
+
+    Machine, its parameters (ratios up to 1e3), effects, form, frame, ends, limits of torque between 0.9 and 30 times
+    what is needed to hold the ends and to move in about a second, sometimes limits of place or speed, horizon and
+    cost, scheme, shape of the control and grid.
+
+    Args:
+        seed: of everything.
+    """
+    random = np.random.default_rng([2026, seed])
+    kind = str(random.choice(list(KINDS)))
+    given = parameters(kind, random, random.uniform(0.0, 1.5))
+    machine = KINDS[kind](**given)
+    n = len(machine.coordinates)
+    added = effects(random, n, 0.5) or [Gravity()]
+    form = FORMS[random.integers(3)]
+    frame = str(random.choice(REGULAR))
+    lengths = np.array([1.0 if c.unit == "rad" else abs(given.get("l_T", 1.0)) for c in machine.coordinates])
+    q0 = lengths * random.uniform(-1.2, 1.2, n)
+    q1 = q0 if random.random() < 0.03 else q0 + lengths * random.normal(size=n) * 10.0 ** random.uniform(-3.0, 0.3)
+    system = form(machine, added, frame)
+    limit = _limits(machine, added, q0, q1, random)
+    limits: dict[str, object] = {"tau": limit} if "command" not in system.signals else {"command": limit}
+    if random.random() < 0.5:
+        room = np.abs(q1 - q0) * random.uniform(0.0, 1.0) + 1e-3 * lengths
+        limits["q"] = (np.minimum(q0, q1) - room, np.maximum(q0, q1) + room)
+    if random.random() < 0.3:
+        limits["v"] = 10.0 ** random.uniform(-1.0, 1.0) * np.maximum(np.abs(q1 - q0), 1e-2 * lengths)
+    duration = 10.0 ** random.uniform(-1.0, 1.0)
+    effort = ca.sumsqr(system.u / np.maximum(limit, 1e-9))
+    if random.random() < 0.75:
+        horizon, cost = Free(guess=duration), Bolza(time=1.0, running=random.choice([0.0, 0.0, 0.1]) * effort)
+    else:
+        horizon, cost = Fixed(duration), Bolza(running=effort)
+    problem = point_to_point(system, q0, q1, minimise=cost, horizon=horizon, **limits)
+    control = list(Control)[random.integers(3)]
+    maker, points = [(radau, 3), (radau, 2), (radau, 4), (legendre, 2), (legendre, 3), (lobatto, 3)][random.integers(6)]
+    elements = int(random.integers(15, 31))
+    grid = uniform(elements)
+    if random.random() < 0.3:
+        widths = random.uniform(0.5, 1.5, elements)
+        grid = Grid(np.append(0.0, np.append(np.cumsum(widths)[:-1] / np.sum(widths), 1.0)))
+    scheme = maker(points, control=control)
+    names = ", ".join(type(effect).__name__ for effect in added)
+    words = f"{kind}; {names}; {form.__name__}, {frame}; {type(horizon).__name__}; {scheme!r}, {elements}"
+    return Task(problem, scheme, grid, words)
+
+
+def _limits(
+    machine: Manipulator, added: list[Effect], q0: Array, q1: Array, random: np.random.Generator
+) -> Array:
+    """Return magnitudes (n,) of the drives: what holds the ends, and what moves each joint through its way in 1 s."""
+    torques = inverse_dynamics(machine, added)
+    n = len(q0)
+    still = np.zeros(n)
+    hold = [np.abs(np.array(torques(q, still, still, [])).ravel()) for q in (q0, (q0 + q1) / 2.0, q1)]
+    way = 6.0 * np.maximum(np.abs(q1 - q0), 1e-3)
+    moved = [np.abs(np.array(torques(q, still, way, [])).ravel()) for q in (q0, q1)]
+    return np.asarray(np.max([*hold, *moved], axis=0) * 10.0 ** random.uniform(-0.05, 1.5) + 1e-6)
+
+
+def judge(task: Task) -> Verdict:
+    """Solve a task, on a finer grid if that is what its verification asks for, and say what came of it."""
+    try:
+        solution, report = _solved(task)
+    except Exception as error:  # a user must never see one for a task that is well formed
+        return Verdict("unexplained", f"{type(error).__name__}: {error}")
+    numbers = (solution.duration, *solution.states.ravel(), *solution.controls.ravel())
+    if solution.ok and not np.all(np.isfinite(numbers)):
+        return Verdict("unexplained", "solved, and not finite", solution.iterations)
+    if report is not None:
+        kind = "verified" if report.ok else "doubted"
+        return Verdict(kind, "; ".join(report.failures) or solution.message, solution.iterations)
+    named = solution.message != solution.status.value
+    return Verdict("diagnosed" if named else "unexplained", solution.message, solution.iterations)
+
+
+def _solved(task: Task) -> tuple[Solution, Report | None]:
+    solution = solve(task.problem, task.scheme, task.grid, SETTINGS, guess=LADDER)
+    if not solution.ok:
+        return solution, None
+    report = verify(solution)
+    for _ in range(DOUBLINGS):
+        if report.ok:
+            break
+        ends = solution.grid.ends
+        middle = np.sort(np.append(ends, (ends[1:] + ends[:-1]) / 2.0))
+        finer = solve(task.problem, task.scheme, Grid(middle), SETTINGS, guess=solution)
+        if not finer.ok:
+            break
+        solution, report = replace(finer), verify(finer)
+    return solution, report
