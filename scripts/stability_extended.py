@@ -78,7 +78,8 @@ def accelerations(
         points: q, v, tau (n, K), and the parameters (m, K), those of the machine first.
 
     Returns:
-        accelerations (n, K); M (n, n, K); the sizes of the forces that add up to M a (n, K).
+        accelerations (n, K); M (n, n, K); the sizes of the forces that add up to M a (n, K), with what they change by
+        when q changes by its own size: a last digit of q is no more than that times eps.
     """
     kinetic, potential = ca.SX(0), ca.SX(0)
     for body in machine.bodies:
@@ -93,9 +94,10 @@ def accelerations(
     inertial = [ca.jtimes(momentum, machine.q, machine.v), ca.gradient(kinetic, machine.q)]
     inputs = [machine.q, machine.v, ca.vertcat(*machine.symbols.values(), gravity)]
     q, v, tau, numbers = points
-    matrix, moved, pushed, heavy = extended(
-        inputs, [ca.jacobian(momentum, machine.v), *inertial, weight], [q, v, numbers]
+    tilted = ca.fabs(ca.jacobian(weight, machine.q)) @ ca.fabs(machine.q)
+    matrix, moved, pushed, heavy, change = extended(
+        inputs, [ca.jacobian(momentum, machine.v), *inertial, weight, tilted], [q, v, numbers]
     )
     forces = [tau.astype(Extended), -moved[:, 0], pushed[:, 0], -heavy[:, 0]]
     right: Array = sum(forces[1:], forces[0])
-    return solve(matrix, right), matrix, np.asarray(sum(np.abs(part) for part in forces))
+    return solve(matrix, right), matrix, np.asarray(sum(np.abs(part) for part in (*forces, change[:, 0])))

@@ -137,9 +137,7 @@ def detour(machine: Manipulator, basis: Frame) -> tuple[ca.SX, ca.SX]:
     """
     w = basis.matrix @ machine.v
     size, momentum = ca.fabs(w), ca.fabs(basis.metric @ w)
-    forces = [
-        ca.dot(size, ca.fabs(partial_derivative(basis.metric, qi)) @ size) / 2 for qi in ca.vertsplit(machine.q)
-    ]
+    forces = [ca.dot(size, ca.fabs(partial_derivative(basis.metric, qi)) @ size) / 2 for qi in ca.vertsplit(machine.q)]
     for b, i, j, entry in curl(basis):
         forces[i] += momentum[b] * ca.fabs(entry * machine.v[j])
     return ca.vertcat(*forces), ca.fabs(basis.inverse) @ ca.fabs(ca.jtimes(w, machine.q, machine.v))
@@ -170,11 +168,12 @@ def residual(
     machine: Manipulator, added: list[Effect], form: str, frame: str, points: tuple[Array, Array, Array],
     random: np.random.Generator,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Return the relative errors (K,) of the torques, and the condition numbers (K,) of the metric."""
+    """Return the relative errors (K,) of the torques, and the condition numbers (K,) of the metric and its frame."""
     q, v, tau = points
     count = q.shape[1]
     system, mechanics = FORMS[form](machine, added, frame), assemble(machine, added)
-    begin = ca.Function("begin", [machine.q, machine.v], [initial(machine, form, mechanics.frame(frame))])
+    basis = mechanics.frame(frame)
+    begin = ca.Function("begin", [machine.q, machine.v], [initial(machine, form, basis)])
     others = random.normal(size=(system.x.numel() - 2 * len(q), count))  # states of drives
     x = np.vstack([np.array(begin.map(count)(q, v)), others])
     move = ca.Function("move", [system.x, system.u], [acceleration(system), system["tau"]])
@@ -182,13 +181,16 @@ def residual(
     symbols = [ca.SX.sym(name, len(q)) for name in ("q", "v", "a")]
     torques = inverse_dynamics(machine, added)
     parts = [torques(*symbols, []), torques(symbols[0], symbols[1], 0, []), torques(symbols[0], 0, 0, [])]
-    needed, moved, held = (part[:, 0] for part in extended(symbols, parts, [q, v, a]))
-    (metric,) = extended([machine.q], [mechanics.metric], [q])
+    parts.append(ca.fabs(ca.jacobian(parts[-1], symbols[0])) @ ca.fabs(symbols[0]))
+    needed, moved, held, tilted = (part[:, 0] for part in extended(symbols, parts, [q, v, a]))
+    metric, matrix, inverse = extended([machine.q], [mechanics.metric, basis.matrix, basis.inverse], [q])
     weight = np.sqrt(np.array([metric[i, i] for i in range(len(q))]))
-    forces = np.abs(own) + np.abs(moved - held) + np.abs(held)
+    forces = np.abs(own) + np.abs(moved - held) + np.abs(held) + tilted
     size = np.linalg.norm(weight * a, axis=0) + np.linalg.norm(forces / weight, axis=0)
     error = np.linalg.norm((needed - own) / weight, axis=0) / size
-    return error.astype(float), condition_of(metric)
+    # What effects add is pulled back to a frame made for the machine: S' M S, so its condition enters twice.
+    skeel = np.einsum("ijk,jlk->kil", np.abs(weight[:, None] * inverse), np.abs(matrix / weight)).astype(float)
+    return error.astype(float), condition_of(metric) * np.linalg.norm(skeel, 2, axis=(1, 2)) ** 2
 
 
 def worst(error: Array, condition: Array, note: str) -> Figure:

@@ -96,9 +96,7 @@ def draw(seed: int) -> Task:
     return Task(problem, scheme, grid, words)
 
 
-def _limits(
-    machine: Manipulator, added: list[Effect], q0: Array, q1: Array, random: np.random.Generator
-) -> Array:
+def _limits(machine: Manipulator, added: list[Effect], q0: Array, q1: Array, random: np.random.Generator) -> Array:
     """Return magnitudes (n,) of the drives: what holds the ends, and what moves each joint through its way in 1 s."""
     torques = inverse_dynamics(machine, added)
     n = len(q0)
