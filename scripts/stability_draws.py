@@ -129,13 +129,14 @@ def states(
     return q, v, tau
 
 
-def effects(random: np.random.Generator, n: int, decades: float = 1.0) -> list[Effect]:
+def effects(random: np.random.Generator, n: int, decades: float = 1.0, lagged: float = 0.15) -> list[Effect]:
     """Return some of seven effects with random parameters, none at all in one draw of 2^7.
 
     Args:
         random: generator.
         n: number of drives.
         decades: of every size to either side of its usual one.
+        lagged: probability that the drives lag.
     """
 
     def size(usual: float) -> float:
@@ -154,5 +155,5 @@ def effects(random: np.random.Generator, n: int, decades: float = 1.0) -> list[E
         ToolForce(tuple(random.normal(size=3) * size(5.0))),
         Counterbalance(size(3.0), at=tuple(random.normal(size=3) * 0.2)),
     )
-    lag = [LaggedDrive(size(0.02))] if random.random() < 0.15 else []
+    lag = [LaggedDrive(size(0.02))] if random.random() < lagged else []
     return [effect for effect in possible if random.random() < 0.5] + lag

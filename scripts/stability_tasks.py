@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import warnings
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -24,7 +25,7 @@ Array = np.ndarray
 FORMS = (lagrange, hamel, canonical)
 SETTINGS = Ipopt(max_iter=150, max_seconds=10.0, progress=False)
 LADDER = (Smooth(), StraightLine())
-DOUBLINGS = 2  # of the grid, for a solution that is not verified on the one drawn
+LOCAL, PARTS = 1e-8, 4  # local error that a finer grid is made for, and the most parts of an element
 REGULAR = ("regular", "ldl", "udu", "coordinate")
 
 
@@ -62,7 +63,7 @@ def draw(seed: int) -> Task:
     given = parameters(kind, random, random.uniform(0.0, 1.5))
     machine = KINDS[kind](**given)
     n = len(machine.coordinates)
-    added = effects(random, n, 0.5) or [Gravity()]
+    added = effects(random, n, 0.5, lagged=0.05) or [Gravity()]
     form = FORMS[random.integers(3)]
     frame = str(random.choice(REGULAR))
     lengths = np.array([1.0 if c.unit == "rad" else abs(given.get("l_T", 1.0)) for c in machine.coordinates])
@@ -83,8 +84,10 @@ def draw(seed: int) -> Task:
     else:
         horizon, cost = Fixed(duration), Bolza(running=effort)
     problem = point_to_point(system, q0, q1, minimise=cost, horizon=horizon, **limits)
-    control = list(Control)[random.integers(3)]
-    maker, points = [(radau, 3), (radau, 2), (radau, 4), (legendre, 2), (legendre, 3), (lobatto, 3)][random.integers(6)]
+    control = random.choice([Control.CONSTANT, Control.LINEAR, Control.LINEAR, Control.COLLOCATED])
+    maker, points = [(radau, 3), (radau, 4), (legendre, 3), (legendre, 4), (lobatto, 3), (lobatto, 4)][
+        random.integers(6)
+    ]
     elements = int(random.integers(15, 31))
     grid = uniform(elements)
     if random.random() < 0.3:
@@ -108,19 +111,28 @@ def _limits(machine: Manipulator, added: list[Effect], q0: Array, q1: Array, ran
 
 
 def judge(task: Task) -> Verdict:
-    """Solve a task, on a finer grid if that is what its verification asks for, and say what came of it."""
+    """Solve a task, on a finer grid if it is not verified on its own, and say what came of it.
+
+    Args:
+        task: as drawn.
+    """
     try:
-        solution, report = _solved(task)
-    except Exception as error:  # a user must never see one for a task that is well formed
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a warning of a library says as little to a user as its exception
+            solution, report = _solved(task)
+    except Exception as error:
         return Verdict("unexplained", f"{type(error).__name__}: {error}")
+    if report is None:
+        named = solution.message != solution.status.value
+        return Verdict("diagnosed" if named else "unexplained", solution.message, solution.iterations)
     numbers = (solution.duration, *solution.states.ravel(), *solution.controls.ravel())
-    if solution.ok and not np.all(np.isfinite(numbers)):
+    if not np.all(np.isfinite(numbers)):
         return Verdict("unexplained", "solved, and not finite", solution.iterations)
-    if report is not None:
-        kind = "verified" if report.ok else "doubted"
-        return Verdict(kind, "; ".join(report.failures) or solution.message, solution.iterations)
+    if report.ok:
+        return Verdict("verified", solution.message, solution.iterations)
     named = solution.message != solution.status.value
-    return Verdict("diagnosed" if named else "unexplained", solution.message, solution.iterations)
+    words = f"{solution.message} | {'; '.join(report.failures)}"
+    return Verdict("told" if named else "doubted", words, solution.iterations)
 
 
 def _solved(task: Task) -> tuple[Solution, Report | None]:
@@ -128,13 +140,11 @@ def _solved(task: Task) -> tuple[Solution, Report | None]:
     if not solution.ok:
         return solution, None
     report = verify(solution)
-    for _ in range(DOUBLINGS):
-        if report.ok:
-            break
-        ends = solution.grid.ends
-        middle = np.sort(np.append(ends, (ends[1:] + ends[:-1]) / 2.0))
-        finer = solve(task.problem, task.scheme, Grid(middle), SETTINGS, guess=solution)
-        if not finer.ok:
-            break
-        solution, report = replace(finer), verify(finer)
-    return solution, report
+    if report.ok:
+        return solution, report
+    parts = np.clip(np.ceil((solution.error / LOCAL) ** 0.25), 1.0, PARTS)
+    ends = solution.grid.ends
+    pieces = [np.linspace(a, b, int(k) + 1)[1:] for a, b, k in zip(ends[:-1], ends[1:], parts, strict=True)]
+    finer = np.concatenate([[0.0], *pieces])
+    again = solve(task.problem, task.scheme, Grid(finer), SETTINGS, guess=solution)
+    return (again, verify(again)) if again.ok else (solution, report)
