@@ -198,7 +198,7 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
-    """Return what is worth saying of a solved problem: a coarse grid, a duration at its limit, controls beyond theirs."""
+    """Return what is worth saying of a solved problem: a coarse grid, a duration or controls beyond their limits."""
     found = []
     for solution in solutions:
         found += unresolved(solution) + _between_points(solution)

@@ -88,8 +88,9 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
     x(t); relative to the largest value of each state, or a thousandth of the largest with the same unit.
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
-    switching: integral of sum_i H_i (u_i - u_i*) - H_ii (u_i - u_i*)^2 / 2, H_i = dH/du_i, u_i* in its range where
-    that is largest (its end if H is linear in u_i); for controls limited one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
+    switching: integral of sum_i H_i (u_i - u_i*) - H_ii (u_i - u_i*)^2 / 2, H_i = dH/du_i, with u_i* in its range where
+    that is largest (at an end if H is linear in u_i); for controls limited one by one. energy: signals "energy",
+    "power" and, if there, "loss", along the integrated motion.
 
     Args:
         solution: of any status; of a sequence, the worst figure of its phases counts, and gaps between them are

@@ -60,13 +60,13 @@ def draw(name: str, sets: int = SETS, each: int = EACH, seed: int = 1) -> Drawn:
         given = parameters(WHOLE[name], random, random.uniform(0.0, 3.0))
         numbers = [given[symbol] for symbol in machine.symbols] + [9.81 * 10.0 ** random.uniform(-3.0, 3.0)]
         columns.append((*states(machine, given, each, random), np.tile(np.array(numbers)[:, None], each)))
-    q, v, tau, numbers = (np.hstack(parts) for parts in zip(*columns, strict=True))
+    q, v, tau, values = (np.hstack(parts) for parts in zip(*columns, strict=True))
     turned = q.copy()
     turned[VERTICAL[name]] = 0.0  # so that no rounding of the reference turns with the column
-    truth, metric, forces = accelerations(machine, ca.SX.sym("g"), (turned, v, tau, numbers))
+    truth, metric, forces = accelerations(machine, ca.SX.sym("g"), (turned, v, tau, values))
     weight = np.sqrt(np.array([metric[i, i] for i in range(len(q))]))
     size = np.linalg.norm(weight * truth, axis=0) + np.linalg.norm(forces / weight, axis=0)
-    return Drawn(machine, (q, v, tau, numbers), truth, weight, size.astype(float), condition_of(metric))
+    return Drawn(machine, (q, v, tau, values), truth, weight, size.astype(float), condition_of(metric))
 
 
 def condition_of(metric: Array) -> Array:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 
 import casadi as ca
 import numpy as np
+from stability_case import Case, Figure
 from stability_draws import KINDS, effects, parameters
 
 from models import inverse_dynamics
@@ -15,17 +19,32 @@ from models.forms import canonical, hamel, lagrange
 from models.manipulator import Manipulator
 from models.terms import Effect
 from ocp import (
-    Bolza, Control, Fixed, Free, Grid, Ipopt, Problem, Report, Solution, legendre, lobatto, point_to_point, radau,
-    solve, uniform, verify,
-)  # fmt: skip
+    Bolza,
+    Control,
+    Fixed,
+    Free,
+    Grid,
+    Ipopt,
+    Problem,
+    Report,
+    Solution,
+    legendre,
+    lobatto,
+    point_to_point,
+    radau,
+    solve,
+    uniform,
+    verify,
+)
 from ocp.collocation import Scheme
 from ocp.ladder import Smooth, StraightLine
 
 Array = np.ndarray
+TASKS, REPORTED = 300, 50
 FORMS = (lagrange, hamel, canonical)
 SETTINGS = Ipopt(max_iter=150, max_seconds=10.0, progress=False)
 LADDER = (Smooth(), StraightLine())
-LOCAL, PARTS = 1e-8, 4  # local error that a finer grid is made for, and the most parts of an element
+LOCAL, PARTS = 1e-9, 4  # local error that a finer grid is made for, and the most parts of an element
 REGULAR = ("regular", "ldl", "udu", "coordinate")
 
 
@@ -39,13 +58,22 @@ class Task:
     words: str
 
 
+class End(Enum):
+    """What a task comes to."""
+
+    VERIFIED = "solved and verified"
+    DIAGNOSED = "not solved, and the message names a reason"
+    TOLD = "solved, not verified, and the message of the solution says where it is wrong"
+    DOUBTED = "solved, not verified, and only the verification says why"
+    UNEXPLAINED = "an exception, a warning, no number, or no reason"
+
+
 @dataclass(frozen=True)
 class Verdict:
-    """What came of a task: "verified", "diagnosed", "doubted" or "unexplained"."""
+    """What came of a task, in words."""
 
-    kind: str
+    end: End
     words: str
-    iterations: int = 0
 
 
 def draw(seed: int) -> Task:
@@ -71,7 +99,7 @@ def draw(seed: int) -> Task:
     q1 = q0 if random.random() < 0.03 else q0 + lengths * random.normal(size=n) * 10.0 ** random.uniform(-3.0, 0.3)
     system = form(machine, added, frame)
     limit = _limits(machine, added, q0, q1, random)
-    limits: dict[str, object] = {"tau": limit} if "command" not in system.signals else {"command": limit}
+    limits: dict[str, Array | tuple[Array, Array]] = {"command" if "command" in system.signals else "tau": limit}
     if random.random() < 0.5:
         room = np.abs(q1 - q0) * random.uniform(0.0, 1.0) + 1e-3 * lengths
         limits["q"] = (np.minimum(q0, q1) - room, np.maximum(q0, q1) + room)
@@ -79,16 +107,14 @@ def draw(seed: int) -> Task:
         limits["v"] = 10.0 ** random.uniform(-1.0, 1.0) * np.maximum(np.abs(q1 - q0), 1e-2 * lengths)
     duration = 10.0 ** random.uniform(-1.0, 1.0)
     effort = ca.sumsqr(system.u / np.maximum(limit, 1e-9))
-    if random.random() < 0.75:
-        horizon, cost = Free(guess=duration), Bolza(time=1.0, running=random.choice([0.0, 0.0, 0.1]) * effort)
-    else:
-        horizon, cost = Fixed(duration), Bolza(running=effort)
+    free = random.random() < 0.75
+    horizon = Free(guess=duration) if free else Fixed(duration)
+    share = float(random.choice([0.0, 0.0, 0.1]))
+    cost = Bolza(time=1.0, running=share * effort) if free else Bolza(running=effort)
     problem = point_to_point(system, q0, q1, minimise=cost, horizon=horizon, **limits)
-    control = random.choice([Control.CONSTANT, Control.LINEAR, Control.LINEAR, Control.COLLOCATED])
-    maker, points = [(radau, 3), (radau, 4), (legendre, 3), (legendre, 4), (lobatto, 3), (lobatto, 4)][
-        random.integers(6)
-    ]
-    elements = int(random.integers(15, 31))
+    control = (Control.COLLOCATED, *(Control.CONSTANT,) * 3, *(Control.LINEAR,) * 4)[random.integers(8)]
+    maker, points = (radau, legendre, lobatto)[random.integers(3)], int(random.integers(3, 5))
+    elements = int(random.integers(15, 26))
     grid = uniform(elements)
     if random.random() < 0.3:
         widths = random.uniform(0.5, 1.5, elements)
@@ -121,18 +147,18 @@ def judge(task: Task) -> Verdict:
             warnings.simplefilter("error")  # a warning of a library says as little to a user as its exception
             solution, report = _solved(task)
     except Exception as error:
-        return Verdict("unexplained", f"{type(error).__name__}: {error}")
+        return Verdict(End.UNEXPLAINED, f"{type(error).__name__}: {error}")
     if report is None:
         named = solution.message != solution.status.value
-        return Verdict("diagnosed" if named else "unexplained", solution.message, solution.iterations)
+        return Verdict(End.DIAGNOSED if named else "unexplained", solution.message)
     numbers = (solution.duration, *solution.states.ravel(), *solution.controls.ravel())
     if not np.all(np.isfinite(numbers)):
-        return Verdict("unexplained", "solved, and not finite", solution.iterations)
+        return Verdict(End.UNEXPLAINED, "solved, and not finite")
     if report.ok:
-        return Verdict("verified", solution.message, solution.iterations)
+        return Verdict(End.VERIFIED, solution.message)
     named = solution.message != solution.status.value
     words = f"{solution.message} | {'; '.join(report.failures)}"
-    return Verdict("told" if named else "doubted", words, solution.iterations)
+    return Verdict(End.TOLD if named else End.DOUBTED, words)
 
 
 def _solved(task: Task) -> tuple[Solution, Report | None]:
@@ -148,3 +174,23 @@ def _solved(task: Task) -> tuple[Solution, Report | None]:
     finer = np.concatenate([[0.0], *pieces])
     again = solve(task.problem, task.scheme, Grid(finer), SETTINGS, guess=solution)
     return (again, verify(again)) if again.ok else (solution, report)
+
+
+def every_task_ends_explained() -> Iterator[Figure]:
+    """Yield after every 50 tasks how many of all so far are unexplained, none allowed, with the shares in words."""
+    ends: Counter[End] = Counter()
+    silent: list[str] = []
+    for seed in range(TASKS):
+        verdict = judge(draw(seed))
+        ends[verdict.end] += 1
+        if verdict.end is End.UNEXPLAINED:
+            silent.append(f"task {seed}: {verdict.words}")
+        if (seed + 1) % REPORTED == 0:
+            shares = ", ".join(f"{100.0 * ends[end] / (seed + 1):.0f} % {end.name.lower()}" for end in End)
+            note = "; ".join([f"{seed + 1} tasks: {shares}", *silent])
+            yield Figure(float(ends[End.UNEXPLAINED]), 0.0, note=note)
+
+
+CASES: tuple[Case, ...] = (
+    Case("search", "optimal-control tasks", "tasks without an explanation", "", every_task_ends_explained, fast=False),
+)
