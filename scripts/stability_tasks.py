@@ -150,7 +150,7 @@ def judge(task: Task) -> Verdict:
         return Verdict(End.UNEXPLAINED, f"{type(error).__name__}: {error}")
     if report is None:
         named = solution.message != solution.status.value
-        return Verdict(End.DIAGNOSED if named else "unexplained", solution.message)
+        return Verdict(End.DIAGNOSED if named else End.UNEXPLAINED, solution.message)
     numbers = (solution.duration, *solution.states.ravel(), *solution.controls.ravel())
     if not np.all(np.isfinite(numbers)):
         return Verdict(End.UNEXPLAINED, "solved, and not finite")
