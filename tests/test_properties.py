@@ -5,10 +5,11 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from stability_draws import KINDS, WHOLE, symbolic, tensor
-from stability_search import EPS, FORMS, MANY, acceleration, condition_of, initial
+from stability_search import EPS, FORMS, MANY, acceleration, condition_of, evaluate, initial, worst
+from stability_search import draw as states_of
 from stability_tasks import End, draw, judge
 
 from models import inverse_dynamics, recover
@@ -170,10 +171,23 @@ def test_free_motions_keep_their_energy(case, form):
     assert np.ptp(energy) <= 1e-7 * (np.max(np.abs(energy)) + weight)
 
 
-# Tasks that once ended without an explanation, each with what was wrong.
-@searching(6)
+@searching(3)
 @given(st.integers(0, 9999))
-@example(62)  # re-integration of an unstable motion: a warning of numpy instead of a drift
 def test_every_task_ends_explained(seed):
     verdict = judge(draw(seed))
     assert verdict.end is not End.UNEXPLAINED, verdict.words
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_the_search_sees_what_is_wrong(name):
+    drawn = states_of(name, sets=4, each=25)
+    got, gained, power, _ = evaluate(drawn, "canonical", "regular")
+
+    def passes(accelerations):
+        error = np.linalg.norm(drawn.weight * (accelerations - drawn.truth), axis=0).astype(float) / drawn.size
+        return worst(error, drawn.condition, "").passed
+
+    assert passes(got)
+    assert not passes(got * (1.0 + 1e-9 * (np.arange(100) == 7)))  # in one state of a hundred
+    assert not passes(np.where(np.arange(100) == 7, np.nan, got))
+    assert np.max(np.abs(gained - power) / np.maximum(np.abs(power), 1e-300)) > 0.0  # not the same number twice
