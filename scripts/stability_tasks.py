@@ -28,6 +28,7 @@ from ocp import (
     Problem,
     Report,
     Solution,
+    Status,
     legendre,
     lobatto,
     point_to_point,
@@ -45,8 +46,9 @@ TASKS, REPORTED = 300, 50
 FORMS = (lagrange, hamel, canonical)
 SETTINGS = Ipopt(max_iter=120, max_seconds=10.0, progress=False)
 LADDER = (Smooth(), StraightLine())
-REFINEMENTS, UNRESOLVED = 2, "does not resolve"
-LOCAL, PARTS, LARGEST = 1e-8, 4, 81  # local error that a finer grid is made for, most parts of an element, ends
+REFINEMENTS, UNRESOLVED = 2, "does not resolve"  # the words of `ocp.caveat`
+LOCAL, PARTS = 1e-8, 4  # local error that a finer grid is made for, and the most parts of an element
+LARGEST = 81  # ends of elements; a small grid shows more about the words than about the accuracy
 REGULAR = ("regular", "ldl", "udu", "coordinate")
 
 
@@ -139,7 +141,7 @@ def _limits(machine: Manipulator, added: list[Effect], q0: Array, q1: Array, ran
 
 
 def judge(task: Task) -> Verdict:
-    """Solve a task, on a finer grid if it is not verified on its own, and say what came of it.
+    """Solve a task, on a finer grid if its own does not resolve the motion, and say what came of it.
 
     Args:
         task: as drawn.
@@ -150,15 +152,16 @@ def judge(task: Task) -> Verdict:
             solution, report = _solved(task)
     except Exception as error:
         return Verdict(End.UNEXPLAINED, f"{type(error).__name__}: {error}")
+    reason = solution.message.partition(" (guesses tried")[0]  # which is no reason
+    named = reason != solution.status.value
     if report is None:
-        named = solution.message != solution.status.value
+        named = named or solution.status is Status.ACCEPTABLE  # that says what is wrong by itself
         return Verdict(End.DIAGNOSED if named else End.UNEXPLAINED, solution.message)
     numbers = (solution.duration, *solution.states.ravel(), *solution.controls.ravel())
     if not np.all(np.isfinite(numbers)):
         return Verdict(End.UNEXPLAINED, "solved, and not finite")
     if report.ok:
         return Verdict(End.VERIFIED, solution.message)
-    named = solution.message != solution.status.value
     words = f"{solution.message} | {'; '.join(report.failures)}"
     return Verdict(End.TOLD if named else End.DOUBTED, words)
 
