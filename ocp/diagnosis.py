@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.caveat import unresolved
 from ocp.collocation import Control
 from ocp.constraint import Where, simple
 from ocp.guess import Guess, ends
@@ -197,10 +198,10 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
-    """Return what is worth saying of a solved problem: a duration at its limit, controls beyond theirs."""
+    """Return what is worth saying of a solved problem: a coarse grid, a duration or controls beyond their limits."""
     found = []
     for solution in solutions:
-        found += _between_points(solution)
+        found += unresolved(solution) + _between_points(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
             found.append(

@@ -99,9 +99,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     local, transition, running = _reintegrated(solution, problem)
     at_end = (solution.scheme.costate_at(np.ones(1)) @ solution.costates)[:, 0]
     dynamics = np.sum(at_end * local, axis=1) + running
-    drift = np.zeros((count + 1, nx))
-    for k in range(count):
-        drift[k + 1] = transition[k] @ drift[k] + local[k]
+    away = _accumulated(local, transition)
     tau, weights = _panels()
     found = minimise(solution, problem, tau)
     gap = (found.value - found.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
@@ -113,10 +111,33 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
     cost += ROUNDING * size
     return Errors(
-        cost, _of_duration(cost, solution, problem), np.max(np.abs(drift), axis=0), float(dynamics.sum()),
+        cost, _of_duration(cost, solution, problem), np.max(np.abs(away), axis=0), float(dynamics.sum()),
         float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), left,
-        _spread(found, weights, solution, problem), parts, np.abs(local), drift, labels,
+        _spread(found, weights, solution, problem), parts, np.abs(local), away, labels,
     )  # fmt: skip
+
+
+def drift(solution: Solution, problem: Problem) -> Array:
+    """Return the distance (N + 1, nx) of the motion integrated from x(0) from the one found, at the ends of elements.
+
+    To first order, e_k+1 = Phi_k e_k + (phi_k(x_k) - x_k+1), as `estimate` has it; signed, unit of the state.
+
+    Args:
+        solution: of positive duration.
+        problem: that it solves.
+
+    Raises:
+        LinAlgError: an element is so long that the equations of its re-integration are singular.
+    """
+    local, transition, _ = _reintegrated(solution, problem)
+    return _accumulated(local, transition)
+
+
+def _accumulated(local: Array, transition: Array) -> Array:
+    away = np.zeros((len(local) + 1, local.shape[1]))
+    for k, (error, carried) in enumerate(zip(local, transition, strict=True)):
+        away[k + 1] = carried @ away[k] + error
+    return away
 
 
 def _panels() -> tuple[Array, Array]:

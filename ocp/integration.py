@@ -66,16 +66,17 @@ def _extrapolate(rate: Rate, t: float, x: Array, h: float, rtol: float, atol: Ar
     slope = rate(t, x)
     table: list[Array] = []
     error = np.inf
-    for k in range(COLUMNS):
-        substeps = 2 * (k + 1)
-        column = [_midpoint(rate, t, x, slope, h, substeps)]
-        for j in range(1, k + 1):
-            ratio = (substeps / (substeps - 2.0 * j)) ** 2
-            column.append(column[j - 1] + (column[j - 1] - table[j - 1]) / (ratio - 1.0))
-        if k == COLUMNS - 1:
-            size = np.asarray(atol) + rtol * np.maximum(np.abs(x), np.abs(column[-1]))
-            error = float(np.max(np.abs(column[-1] - column[-2]) / size, initial=0.0))
-        table = column
+    with np.errstate(over="ignore", invalid="ignore"):  # a step that leaves the numbers is one to shorten
+        for k in range(COLUMNS):
+            substeps = 2 * (k + 1)
+            column = [_midpoint(rate, t, x, slope, h, substeps)]
+            for j in range(1, k + 1):
+                ratio = (substeps / (substeps - 2.0 * j)) ** 2
+                column.append(column[j - 1] + (column[j - 1] - table[j - 1]) / (ratio - 1.0))
+            if k == COLUMNS - 1:
+                size = np.asarray(atol) + rtol * np.maximum(np.abs(x), np.abs(column[-1]))
+                error = float(np.max(np.abs(column[-1] - column[-2]) / size, initial=0.0))
+            table = column
     return table[-1], error if np.isfinite(error) else np.inf
 
 

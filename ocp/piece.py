@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as ca
@@ -32,8 +33,21 @@ class Polynomial:
         if len(self.values) == 1:
             constant: Array = self.values[0]
             return constant
-        value: Array = (self.matrix_at(np.array([(t - self.start) / self.width])) @ self.values)[0]
+        gaps = (t - self.start) / self.width - self.nodes
+        shares: Array = np.prod(np.where(self._own, 1.0, gaps), axis=1) * self._weights
+        value: Array = shares @ self.values
         return value
+
+    @cached_property
+    def _own(self) -> Array:
+        """(c, c) true on the diagonal: the factor that a Lagrange polynomial leaves out."""
+        return np.eye(len(self.nodes), dtype=bool)
+
+    @cached_property
+    def _weights(self) -> Array:
+        """(c,) 1 / prod_k (node_m - node_k), k != m; asked for at every step of an integration."""
+        weights: Array = 1.0 / np.prod(np.where(self._own, 1.0, self.nodes[:, None] - self.nodes), axis=1)
+        return weights
 
     def sample(self, times: Array) -> Array:
         """Return u at times (K,), shape (K, nu)."""

@@ -88,8 +88,9 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
     x(t); relative to the largest value of each state, or a thousandth of the largest with the same unit.
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
-    switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls limited
-    one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
+    switching: integral of sum_i H_i (u_i - u_i*) - H_ii (u_i - u_i*)^2 / 2, H_i = dH/du_i, with u_i* in its range where
+    that is largest (at an end if H is linear in u_i); for controls limited one by one. energy: signals "energy",
+    "power" and, if there, "loss", along the integrated motion.
 
     Args:
         solution: of any status; of a sequence, the worst figure of its phases counts, and gaps between them are
@@ -229,13 +230,14 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
     terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
     slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms])
+    curved = ca.densify(ca.diag(ca.jacobian(slope, system.u)))
+    function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms, curved])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     found = function.map(times.size)(
         x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
     )
-    values, slopes, sizes = (np.array(part) for part in found)
+    values, slopes, sizes, curvature = (np.array(part) for part in found)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)
@@ -261,7 +263,12 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     best = np.where(
         slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
     )
-    gap = np.sum(np.maximum(slopes.T * (u - best), 0.0), axis=1)
+    # Where H is curved the best control may lie before that end; exact for a cost with squares of the controls.
+    bent = curvature.T > 0.0
+    step = np.divide(slopes.T, curvature.T, out=np.zeros_like(u), where=bent)
+    best = np.where(bent, np.clip(u - step, np.minimum(u, best), np.maximum(u, best)), best)
+    gain = slopes.T * (u - best) - np.where(bent, curvature.T, 0.0) * (u - best) ** 2 / 2.0
+    gap = np.sum(np.maximum(gain, 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
     where = times[int(np.argmax(gap))] if gap.size else np.nan
     return deviation, mean, offset, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)

@@ -15,6 +15,7 @@ import pytest
 from failing import DRIVES, FAILING, FROM, GRID, TO, WITHIN, Failing, arm
 
 from ocp import (
+    Bolza,
     Control,
     Fixed,
     Ipopt,
@@ -24,12 +25,14 @@ from ocp import (
     along,
     end,
     ipopt,
+    lobatto,
     point_to_point,
     prepare,
     radau,
     solve,
     start,
     uniform,
+    verify,
 )
 
 DOCUMENT = Path(__file__).parent.parent / "docs" / "failures.md"
@@ -147,3 +150,26 @@ def test_ends_are_judged_with_the_values_of_the_solve() -> None:
     assert found.ok
     assert found.duration == pytest.approx(2.0, rel=1e-6)
     assert found.free["reach"] >= 2.0 - 1e-6
+
+
+def test_a_grid_that_does_not_resolve_the_motion_is_told_with_its_drift() -> None:
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    upright = System(x, u, ca.SX(0, 1), ca.vertcat(x[1], 20.0 * ca.sin(x[0]) + u))
+    task = Problem(upright, Fixed(1.5), Bolza(running=u**2), (start(x, [0.5, 0.0]), end(x, [0.0, 0.0])))
+    coarse, fine = (solve(task, scheme, uniform(n)) for scheme, n in ((lobatto(2), 10), (radau(5), 100)))
+    assert coarse.ok
+    assert fine.ok
+    assert "the grid does not resolve the motion" in coarse.message
+    assert "solve_to_accuracy" in coarse.message
+    assert verify(coarse).drift > 1e-3
+    assert fine.message == Status.SOLVED.value
+    assert verify(fine).drift < 1e-6
+
+
+def test_the_drift_that_is_told_is_that_of_a_re_integration() -> None:
+    system = arm()
+    solution = solve(point_to_point(system, FROM, TO, q=WITHIN, tau=DRIVES), lobatto(2), uniform(100))
+    told = re.search(r"by about (\S+) of its size", solution.message)
+    assert told is not None
+    largest = float(verify(solution).drift)
+    assert 0.5 * largest < float(told[1]) < 2.0 * largest

@@ -218,3 +218,11 @@ def test_the_start_alone():
     for control in ([1.0], lambda _: [1.0], solution):
         found = simulate(solution.problem.system, [0.25, -1.0], control, [0.0])
         np.testing.assert_array_equal(found.x, [[0.25, -1.0]])
+
+
+@pytest.mark.parametrize("rate", [lambda t, x: x**3, lambda t, x: np.exp(x), lambda t, x: x**2 - x**2 * x])
+def test_a_step_that_leaves_the_numbers_warns_nobody(rate):
+    # Warnings are errors here: an unstable motion that is re-integrated leaves the numbers in trial steps.
+    reached = integrate(rate, 0.0, 2.0, np.array([30.0]), 1e-12, 1e-12)
+    assert 0.0 < reached.reached <= 2.0
+    assert np.all(np.isfinite(reached.x))

@@ -262,3 +262,21 @@ def test_the_local_error_follows_the_order_of_the_scheme():
     by_hand = np.trapezoid(residual, t) / (1.0 + np.max(solution.states))
     # The quadrature has a kink to cross where the residual has a further zero.
     assert solution.error[-1] == pytest.approx(by_hand, rel=0.02)
+
+
+@pytest.mark.parametrize("control", [Control.CONSTANT, Control.LINEAR])
+def test_interior_controls_of_a_curved_cost_leave_no_gain(control):
+    # min of the integral of u^2: u = 6 - 12 t by theory, cost 12, far within the limits. Steps of 1/20 miss its slope
+    # of 12 by 12 (t - middle): the integral of that squared is 12^2 / (12 * 20^2) = 0.03, and this is the gain.
+    rest = System(x, u, none, ca.vertcat(x[1], u), labels=LABELS)
+    task = Problem(rest, Fixed(1.0), Bolza(running=u**2), (start(x, 0), end(x, [1, 0]), along(u, -100, 100)))
+    found = verify(solve(task, radau(3, control=control), uniform(20)))
+    assert found.ok, str(found)
+    assert found.switching == pytest.approx(0.03 / 12.0 if control is Control.CONSTANT else 0.0, abs=1e-4)
+    assert damaged_gain(task, control) > 0.02
+
+
+def damaged_gain(task, control):
+    """Return the gain that a control half as large leaves: u^2 / 4 of it, 12 / 4 of 12."""
+    solution = solve(task, radau(3, control=control), uniform(20))
+    return verify(replace(solution, controls=solution.controls / 2.0)).switching
