@@ -19,7 +19,7 @@ from ocp.stiffness import Linearisation, decays, describe
 from ocp.system import System
 
 LOOK = 100  # steps after which the fastest mode is looked at
-STIFF = 1000.0  # times that a mode dies out before the next stop, from which on an implicit method is cheaper
+STIFF = 300.0  # times that a mode dies out before the next stop, from which on an implicit method is cheaper
 
 
 @dataclass(frozen=True, eq=False)

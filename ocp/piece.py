@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import casadi as ca
@@ -31,8 +33,26 @@ class Polynomial:
         if len(self.values) == 1:
             constant: Array = self.values[0]
             return constant
-        value: Array = (self.matrix_at(np.array([(t - self.start) / self.width])) @ self.values)[0]
+        tau, nodes = (t - self.start) / self.width, self._nodes
+        # In plain numbers: an integrator asks at one time after the other, where arrays of one row cost far more.
+        basis = [
+            factor * math.prod(tau - other for k, other in enumerate(nodes) if k != m)
+            for m, factor in enumerate(self._factors)
+        ]
+        value: Array = np.array(basis) @ self.values
         return value
+
+    @cached_property
+    def _nodes(self) -> list[float]:
+        return [float(node) for node in self.nodes]
+
+    @cached_property
+    def _factors(self) -> list[float]:
+        """Reciprocals of prod_k (node_m - node_k), k != m."""
+        nodes = self._nodes
+        return [
+            1.0 / math.prod(node - other for k, other in enumerate(nodes) if k != m) for m, node in enumerate(nodes)
+        ]
 
     def sample(self, times: Array) -> Array:
         """Return u at times (K,), shape (K, nu)."""
