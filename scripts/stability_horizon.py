@@ -137,7 +137,9 @@ def order_of_the_bound(name: str, order: int) -> Iterator[Figure]:
         _, every, _ = errors(shorter, "canonical", make(shorter.step), SETTLED * part)
         found.append(float(every[-1, 0]))
     # The next term of the error is an order or two higher, with steps of a hundredth of a swing.
-    yield Figure(float(abs(np.log2(found[0] / found[1]) - order)), 0.5, note=f"order {np.log2(found[0] / found[1]):.2f}")
+    yield Figure(
+        float(abs(np.log2(found[0] / found[1]) - order)), 0.5, note=f"order {np.log2(found[0] / found[1]):.2f}"
+    )
 
 
 BOUNDED_METHODS: dict[str, Callable[[float], Method]] = {
