@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -38,9 +38,11 @@ def lift(system: System, x0: dict[str, float], control: float, time: float, meth
     return np.array([motion.signal("q")[0, 1], motion.signal("v")[0, 1]]), motion.message
 
 
-def linear(matrix: list[list[float]], constant: list[float], start: list[float], time: float) -> list[Any]:
+def linear(
+    matrix: Sequence[Sequence[float]], constant: Sequence[float], start: Sequence[float], time: float
+) -> list[Any]:
     """Return x(time) of x' = A x + b from its exponential, in 60 digits."""
-    import mpmath as mp
+    import mpmath as mp  # type: ignore[import-untyped,import-not-found]
 
     n = len(start)
     with mp.workdps(DIGITS):
@@ -52,7 +54,7 @@ def linear(matrix: list[list[float]], constant: list[float], start: list[float],
 
 def coulomb(name: str) -> Iterator[Figure]:
     """Yield the error of a stop by dry friction, M v' = -f tanh(v / w), as the width w goes to 1e-6 m/s."""
-    import mpmath as mp
+    import mpmath as mp  # type: ignore[import-untyped,import-not-found]
 
     method, tolerance = METHODS[name]
     v0, f, time = 0.3, 30.0, 1.0
@@ -63,7 +65,7 @@ def coulomb(name: str) -> Iterator[Figure]:
             places = [v, *(w * k for k in (1, 3, 10, 30, 100) if v < w * k < v_0), v_0]
             way = mp.mpf(MASS) / f * mp.quad(lambda s, w=w: s / mp.tanh(s / w), places)
             exact = np.array([float(way), float(v)])
-        system = lagrange(cylindrical(), [Coulomb((None, f, None), width)])
+        system = lagrange(cylindrical(), [Coulomb((0.0, f, 0.0), width)])
         found, message = lift(system, {"v_xi": v0}, 0.0, time, method)
         stiffness = 1.0 + f * time / (MASS * width)  # how often the fastest mode dies out
         yield Figure(float(np.max(np.abs(found - exact))), STEPS * tolerance, float(width), stiffness, message)
@@ -93,7 +95,7 @@ def lagged(name: str) -> Iterator[Figure]:
     method, tolerance = METHODS[name]
     force, time = 400.0, 1.0
     for lag in 10.0 ** -np.arange(0, 7):
-        rate = [[0, 1, 0], [0, 0, 1 / MASS], [0, 0, -1 / lag]]
+        rate: list[list[float]] = [[0, 1, 0], [0, 0, 1 / MASS], [0, 0, -1 / lag]]
         exact = linear(rate, [0, 0, force / lag], [0.0, 0.0, -100.0], time)
         system = canonical(cylindrical(), [LaggedDrive((None, lag, None))])
         found, message = lift(system, {"drive_tau_xi": -100.0}, force, time, method)
@@ -108,7 +110,7 @@ def motor(name: str) -> Iterator[Figure]:
     gain = constant * ratio
     for tau in 10.0 ** -np.arange(0, 7):
         inductance = tau * resistance
-        rate = [[0, 1, 0], [0, 0, gain / MASS], [0, -gain / inductance, -resistance / inductance]]
+        rate: list[list[float]] = [[0, 1, 0], [0, 0, gain / MASS], [0, -gain / inductance, -resistance / inductance]]
         exact = linear(rate, [0, 0, voltage / inductance], [0.0, 0.0, 0.0], time)
         drive = MotorDrive((None, constant, None), (None, resistance, None), (None, inductance, None), ratio)
         found, message = lift(canonical(cylindrical(), [drive]), {}, voltage, time, method)
@@ -124,7 +126,7 @@ def stop(name: str) -> Iterator[Figure]:
     Behind the stop m v dv = -k e (1 + d v) de: whatever k, d v - ln(1 + d v) is the same before and after. Smoothing
     over a millionth of the way into the stop changes the speed by about that share.
     """
-    import mpmath as mp
+    import mpmath as mp  # type: ignore[import-untyped,import-not-found]
 
     method, tolerance = METHODS[name]
     speed, damping, way = 2.0, 0.3, 0.02
@@ -144,7 +146,7 @@ def stop(name: str) -> Iterator[Figure]:
 
 
 def sticking() -> Iterator[Figure]:
-    """Yield how far the default is from Radau IIA where coupled joints slide, stick and creep, as the width goes to 0."""
+    """Yield how far the default is from Radau IIA where joints slide, stick and creep, as the width goes to 0."""
     for width in 10.0 ** -np.arange(0, 7):
         system = lagrange(cylindrical(), [Gravity(), Coulomb((5.0, 10.0, 10.0), width)])
         ends = [
