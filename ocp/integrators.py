@@ -2,8 +2,8 @@
 
 With error control: `extrapolation` (order 16, implicit where stiff, the default of `simulate`), `dormand_prince_8` and
 `dormand_prince_5` (explicit), `radau_5` (implicit, stiff), `adams` and `bdf` (multistep, in compiled code). With steps
-of one width: `euler`, `heun`, `runge_kutta_4`, `predictor_corrector`, `gauss` and `stoermer_verlet` (symplectic), `radau_iia`
-(stiff). A rule or tableau of one's own goes into `FixedStep` or `AdaptiveStep` directly.
+of one width: `euler`, `heun`, `runge_kutta_4`, `predictor_corrector`, `gauss` and `stoermer_verlet` (symplectic),
+`radau_iia` (stiff). A rule or tableau of one's own goes into `FixedStep` or `AdaptiveStep` directly.
 """
 
 from __future__ import annotations
