@@ -24,7 +24,7 @@ class Piecewise:
         coefficients: (M, d + 1, n) c_kj, lowest power first.
 
     Raises:
-        ValueError: shapes disagree, or times do not increase.
+        ValueError: shapes disagree, times do not increase, or a coefficient is not finite.
     """
 
     breaks: Array
@@ -38,6 +38,10 @@ class Piecewise:
             )
         if not np.all(np.diff(breaks) > 0.0):
             raise ValueError("Piecewise: breaks must increase")
+        if not np.all(np.isfinite(coefficients)):
+            raise ValueError(
+                f"Piecewise: pieces as short as {np.min(np.diff(breaks)):.3g} s go beyond double precision"
+            )
         object.__setattr__(self, "breaks", breaks)
         object.__setattr__(self, "coefficients", coefficients)
 
@@ -90,7 +94,9 @@ def hermite(times: Array, values: Array) -> Piecewise:
     powers = width[:, :, None] ** np.arange(m)[None, :, None]
     known = np.concatenate([values[:-1] * powers, values[1:] * powers], axis=1)
     in_unit = np.tensordot(known, np.linalg.inv(ends), axes=(1, 1)).swapaxes(1, 2)
-    return Piecewise(times, in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None])
+    with np.errstate(all="ignore"):  # Piecewise refuses what overflows
+        coefficients = in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None]
+    return Piecewise(times, coefficients)
 
 
 def dense(breaks: Array) -> Array:

@@ -80,7 +80,7 @@ def smooth(t: Array, y: Array, noise: Array | None) -> Smoothed:
         noise: (n,) standard deviations > 0 [rad or m], None = estimated.
 
     Raises:
-        ValueError: fewer than 8 samples.
+        ValueError: fewer than 8 samples, or numbers beyond double precision.
 
     Source: G. Wahba, Spline Models for Observational Data (1990), 1.3 and 4; restricted likelihood: S. N. Wood, Fast
         stable restricted maximum likelihood estimation, J. R. Stat. Soc. B 73 (2011); reduced knots: F. O'Sullivan,
@@ -92,8 +92,9 @@ def smooth(t: Array, y: Array, noise: Array | None) -> Smoothed:
     spacing = min(COARSEST, max(1, len(t) // 16))
     strength = None
     while True:
-        fit = _Fit.of(t, y, spacing)
-        strength = fit.choose(noise, strength)
+        with np.errstate(all="ignore"):  # what overflows is refused
+            fit = _Fit.of(t, y, spacing)
+            strength = fit.choose(noise, strength)
         length = float(np.min((strength * step) ** (1.0 / 6.0)))
         if spacing == 1 or spacing * step <= CLOSE * length:
             return fit.result(strength, noise)
@@ -156,6 +157,13 @@ class _Fit:
         while True:
             decades = np.linspace(low, high, TRIALS, axis=1)  # (n, trials)
             score = self._score(self.ratio * 10.0**decades, noise)
+            if not np.all(np.isfinite(score)):
+                i = int(np.argmax(~np.all(np.isfinite(score), axis=1)))
+                span, reach = self.t[-1] - self.t[0], np.max(np.abs(self.y[:, i]))
+                raise ValueError(
+                    f"coordinate {i + 1}: samples up to {reach:.3g} over {span:.3g} s, or their noise, are beyond "
+                    "double precision for a smoothing spline; give them in other units, or velocities too"
+                )
             place = np.argmin(score, axis=1)
             best = decades[np.arange(n), place]
             width = (high - low) / (TRIALS - 1)

@@ -166,11 +166,13 @@ def tabulate(
         progress: called with points done and in all.
 
     Raises:
-        TypeError, ValueError: as `inverse_dynamics`; sizes that disagree; a parameter that is not there.
+        TypeError, ValueError: as `inverse_dynamics`; sizes that disagree; a parameter that is not there; a number that
+            is not finite.
     """
     function = inverse_dynamics(machine, effects)
     n = len(machine.coordinates)
-    parts = tuple(derivative(t, order) for order in range(3))
+    with np.errstate(all="ignore"):  # what overflows is told below
+        parts = tuple(derivative(t, order) for order in range(3))
     if parts[0].shape[1] != n:
         names = ", ".join(c.name for c in machine.coordinates)
         raise ValueError(f"the motion has {parts[0].shape[1]} coordinates, {machine.name} has {n} ({names})")
@@ -184,9 +186,22 @@ def tabulate(
     parameters = parameter_values(machine, effects, {} if values is None else values)
     (tau,) = evaluate(function, *parts, parameters, *_time(function, t), progress=progress)
     q, v, a = parts
+    for symbol, part in (("q", q), ("v", v), ("a", a), ("tau", tau)):
+        _check_finite(symbol, part, t, machine)
     return TorqueTable(
         t, q, v, a, tau, machine, tuple(effects), parameters, derivative, smoothness, covariance, tuple(limits), notes
     )
+
+
+def _check_finite(symbol: str, values: Array, t: Array, machine: Manipulator) -> None:
+    """Refuse numbers beyond double precision, by name and time."""
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        k, i = bad[0]
+        raise ValueError(
+            f"{symbol}_{machine.coordinates[i].name} is {values[k, i]} at {t[k]:.9g} s: a derivative of the motion, a "
+            "speed or a parameter is too large for double precision, or the motion is not defined there"
+        )
 
 
 def _time(function: ca.Function, t: Array) -> tuple[Array, ...]:

@@ -1,9 +1,9 @@
 """The integrators by their names: each function returns the settings that `simulate` takes as `method`.
 
-With error control: `extrapolation` (order 16, the default of `simulate`), `dormand_prince_8` and `dormand_prince_5`
-(explicit), `radau_5` (implicit, stiff systems), `adams` and `bdf` (multistep, in compiled code). With steps of one
-width: `euler`, `heun`, `runge_kutta_4`, `predictor_corrector`, `gauss` and `stoermer_verlet` (symplectic), `radau_iia`
-(stiff). A rule or tableau of one's own goes into `FixedStep` or `AdaptiveStep` directly.
+With error control: `extrapolation` (order 16, implicit where stiff, the default of `simulate`), `dormand_prince_8` and
+`dormand_prince_5` (explicit), `radau_5` (implicit, stiff), `adams` and `bdf` (multistep, in compiled code). With steps
+of one width: `euler`, `heun`, `runge_kutta_4`, `predictor_corrector`, `gauss` and `stoermer_verlet` (symplectic),
+`radau_iia` (stiff). A rule or tableau of one's own goes into `FixedStep` or `AdaptiveStep` directly.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ocp.trapezoid import PredictorCorrector
 
 
 def extrapolation(rtol: float = 1e-12, atol: float | Array = 1e-12) -> Extrapolation:
-    """Return Gragg-Bulirsch-Stoer extrapolation of order 16, for tolerances near rounding.
+    """Return Gragg-Bulirsch-Stoer extrapolation of order 16, for tolerances near rounding; Radau IIA where it is stiff.
 
     Args:
         rtol, atol: tolerance of one step; atol scalar or (nx,).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,21 +34,26 @@ class Polynomial:
         if len(self.values) == 1:
             constant: Array = self.values[0]
             return constant
-        gaps = (t - self.start) / self.width - self.nodes
-        shares: Array = np.prod(np.where(self._own, 1.0, gaps), axis=1) * self._weights
-        value: Array = shares @ self.values
+        tau, nodes = (t - self.start) / self.width, self._nodes
+        # In plain numbers: an integrator asks at one time after the other, where arrays of one row cost far more.
+        basis = [
+            factor * math.prod(tau - other for k, other in enumerate(nodes) if k != m)
+            for m, factor in enumerate(self._factors)
+        ]
+        value: Array = np.array(basis) @ self.values
         return value
 
     @cached_property
-    def _own(self) -> Array:
-        """(c, c) true on the diagonal: the factor that a Lagrange polynomial leaves out."""
-        return np.eye(len(self.nodes), dtype=bool)
+    def _nodes(self) -> list[float]:
+        return [float(node) for node in self.nodes]
 
     @cached_property
-    def _weights(self) -> Array:
-        """(c,) 1 / prod_k (node_m - node_k), k != m; asked for at every step of an integration."""
-        weights: Array = 1.0 / np.prod(np.where(self._own, 1.0, self.nodes[:, None] - self.nodes), axis=1)
-        return weights
+    def _factors(self) -> list[float]:
+        """Reciprocals of prod_k (node_m - node_k), k != m."""
+        nodes = self._nodes
+        return [
+            1.0 / math.prod(node - other for k, other in enumerate(nodes) if k != m) for m, node in enumerate(nodes)
+        ]
 
     def sample(self, times: Array) -> Array:
         """Return u at times (K,), shape (K, nu)."""

@@ -14,6 +14,7 @@ from ocp.method import Array, Passage, check_components, check_tolerances, stopp
 from ocp.newton import ACCEPTED
 from ocp.piece import Piece, Polynomial
 from ocp.rule import Rule, rate
+from ocp.stiffness import Linearisation, describe
 from ocp.system import System
 
 SAFETY = 0.9
@@ -57,8 +58,11 @@ class AdaptiveStep:
             for stop in piece.stops[1:].tolist():
                 x, t, step = attempt.through(x, t, stop, step)
                 if t < stop:
-                    message = stopped(t, "the step vanished or f is not finite")
-                    return Passage(xs, message, attempt.evaluations)
+                    reason = "the step vanished or f is not finite"
+                    if attempt.exhausted:
+                        mode = describe(Linearisation(system, parameters).fastest(x, piece.control(t)))
+                        reason = f"{MOST_STEPS} steps were not enough to reach {stop:.9g} s{mode}"
+                    return Passage(xs, stopped(t, reason), attempt.evaluations)
                 xs[row] = x
                 row += 1
         return Passage(xs, "", attempt.evaluations)
@@ -83,6 +87,7 @@ class _Attempt:
         self._nx = system.x.numel()
         self._varies = False
         self.evaluations = 0
+        self.exhausted = False  # whether the steps between two stops ran out
 
     def follow(self, piece: Piece) -> None:
         """Use the control of another piece from now on."""
@@ -116,6 +121,8 @@ class _Attempt:
             step = proposal
             if step < 1e-14 * max(abs(t), abs(stop)):
                 break
+        else:
+            self.exhausted = t < stop
         return x, t, step
 
 

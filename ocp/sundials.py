@@ -13,7 +13,10 @@ import numpy as np
 from ocp.method import Array, Passage, check_components, check_tolerances, stopped
 from ocp.piece import ControlOf, Piece, Polynomial
 from ocp.rule import rate
+from ocp.stiffness import Linearisation, describe
 from ocp.system import System
+
+MOST_STEPS = 100_000  # between two stops
 
 
 class Multistep(Enum):
@@ -59,12 +62,16 @@ class Cvodes:
         for piece in pieces:
             for stops in (piece.stops, *(() if len(piece.stops) == 2 else _pairs(piece.stops))):
                 whole = stops is piece.stops
-                found, calls, reached = self._over(made, system, parameters, x, stops, piece)
+                found, calls, flag = self._over(made, system, parameters, x, stops, piece)
                 evaluations += calls
                 if found is None and whole and len(stops) > 2:
                     continue  # once more from stop to stop, to keep what can be reached
                 if found is None:
-                    return Passage(xs, stopped(reached, "CVODES cannot go on from there"), evaluations)
+                    reason = f"CVODES did not reach {stops[-1]:.9g} s from there"
+                    if "TOO_MUCH_WORK" in flag:
+                        mode = describe(Linearisation(system, parameters).fastest(x, piece.control(stops[0])))
+                        reason += f": {MOST_STEPS} steps were not enough{mode}"
+                    return Passage(xs, stopped(float(stops[0]), reason), evaluations)
                 xs[row : row + len(found)] = found
                 x, row = found[-1], row + len(found)
                 if whole:
@@ -74,8 +81,8 @@ class Cvodes:
     def _over(
         self, made: dict[tuple[object, ...], ca.Function], system: System, parameters: Sequence[float], x: Array,
         stops: Array, piece: Piece,
-    ) -> tuple[Array | None, int, float]:  # fmt: skip
-        """Return the states at the stops but the first (None for a failure), evaluations, and the time reached."""
+    ) -> tuple[Array | None, int, str]:  # fmt: skip
+        """Return the states at the stops but the first (None for a failure), evaluations, and what CVODES said."""
         start, width = float(stops[0]), float(stops[-1] - stops[0])
         shares = tuple(((stops[1:] - start) / width).tolist())
         if isinstance(piece.control, Polynomial):
@@ -95,11 +102,10 @@ class Cvodes:
                 x0=x / scale, p=np.concatenate([parameters, values.ravel(order="F"), place, [width], scale])
             )
             found = np.array(end["xf"]).T * scale
-        except RuntimeError:
-            found = np.full((1, len(x)), np.nan)
-        stats = integrator.stats()
+        except RuntimeError as error:
+            return None, int(integrator.stats()["nfevals"]), str(error)
         good = bool(np.all(np.isfinite(found)))
-        return found if good else None, int(stats["nfevals"]), start + width * float(stats["tcur"])
+        return found if good else None, int(integrator.stats()["nfevals"]), ""
 
     def _integrator(self, system: System, shape: Polynomial | _Called, shares: tuple[float, ...]) -> ca.Function:
         """Return the integrator over tau in [0, 1], in states of the size of their absolute tolerance."""
@@ -116,7 +122,7 @@ class Cvodes:
         }  # fmt: skip
         options: dict[str, Any] = {
             "linear_multistep_method": self.family.value, "reltol": self.rtol, "abstol": 1.0,
-            "max_num_steps": 100_000, "disable_internal_warnings": True, "show_eval_warnings": False,
+            "max_num_steps": MOST_STEPS, "disable_internal_warnings": True, "show_eval_warnings": False,
         }  # fmt: skip
         made: ca.Function = ca.integrator("cvodes", "cvodes", equations, 0.0, list(shares), {**options, **self.extra})
         return made

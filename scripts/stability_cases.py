@@ -2,6 +2,21 @@
 
 from __future__ import annotations
 
+import stability_horizon
+import stability_input
+import stability_inverse
+import stability_search
+import stability_stiff
+import stability_stiff_optimal
+import stability_tasks
 from stability_case import Case
 
-CASES: tuple[Case, ...] = ()
+CASES: tuple[Case, ...] = (
+    *stability_horizon.CASES,
+    *stability_stiff.CASES,
+    *stability_stiff_optimal.CASES,
+    *stability_inverse.CASES,
+    *stability_search.CASES,
+    *stability_tasks.CASES,
+    *stability_input.CASES,
+)

@@ -14,6 +14,10 @@ HEAD = """# Integrators, measured
 (order 16, the default), `dormand_prince_5`, `dormand_prince_8`, `radau_5` (stiff), `adams` and `bdf` (CVODES). With
 steps of one width: those of the table. All steps end where the control jumps.
 
+Where the fastest mode of a system dies out far faster than the motion, the default goes on with `radau_5` at its own
+tolerances; a fast mode that swings is followed. An integrator that runs out of steps names that mode and what to use
+instead. Methods with steps of one width have no error control: too long a step is told only if the states overflow.
+
 ## Orders
 
 H = p^2 (1 + q^2 / 2) / 2 - cos q - u q with u = 0.3 cos 2t over 2 s, regression of the errors over four steps, against
