@@ -53,7 +53,8 @@ def singularities(
 
     usual = np.random.default_rng(20260101).uniform(0.3, 1.7, (SAMPLES, q.numel()))
     pivots, theirs, sizes, sizes_regular = at(usual)
-    pivots_special, _, sizes_special, _ = at(_special(machine, ca.vertcat(inertia, size)))
+    special = at(_special(machine, ca.vertcat(inertia, own, size)))
+    pivots_special, sizes_special = special[0], special[2]
     found = []
     for i in range(q.numel()):
         entry, scale = inertia[i], float(np.max(np.nan_to_num(pivots[:, i], nan=0.0)))
@@ -72,15 +73,16 @@ def singularities(
     if moves or ca.depends_on(size, p):
         found.append(Singularity(size, NEAR * scale if moves else 0.0, words, crossed=bool(moves)))
     if not moves and frame is not regular:
-        _check_digits(machine, frame, theirs, sizes, pivots, sizes_regular)
+        everywhere = [np.vstack(pair) for pair in zip((pivots, theirs, sizes, sizes_regular), special, strict=True)]
+        _check_digits(machine, frame, *everywhere)
     return tuple(found)
 
 
 def _check_digits(
-    machine: Manipulator, frame: Frame, own: Array, size: Array, pivots: Array, size_regular: Array
+    machine: Manipulator, frame: Frame, pivots: Array, own: Array, size: Array, size_regular: Array
 ) -> None:
     """Refuse a frame in which det g = det g' det(F)^2 is not what it is in the regular frame."""
-    good = np.all(pivots > 0.0, axis=1)
+    good = np.all(pivots > TINY * np.max(np.nan_to_num(pivots), axis=0), axis=1)
     if not np.any(good):
         return
     with np.errstate(all="ignore"):
