@@ -25,6 +25,7 @@ class Step:
     reached: float  # time reached [s]; short of the end if the step vanished or f is not finite
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step that is not finite is rejected
 def integrate(
     rate: Rate, t0: float, t1: float, x0: Array, rtol: float, atol: Array | float, first: float = 0.0
 ) -> Step:

@@ -123,8 +123,9 @@ def offset(distance: float) -> Approach:
 
 def heavy(distance: float) -> Approach:
     """Return a cylindrical machine with Theta_bar / (m_3 A^2) = distance, about."""
-    own = {f"Theta_{k}_33": 20.0 * distance for k in (1, 2, 3)}
-    return cylindrical(A=1.0, m_2=20.0 * distance, **own), poses(3, [0.3, -0.2, 0.9 * distance**0.5])
+    own = 20.0 * distance
+    machine = cylindrical(A=1.0, m_2=own, Theta_1_33=own, Theta_2_33=own, Theta_3_33=own)
+    return machine, poses(3, [0.3, -0.2, 0.9 * distance**0.5])
 
 
 def upright(distance: float) -> Approach:
@@ -153,15 +154,17 @@ def root(distance: float, offset: float = 0.0) -> Approach:
 def equal(distance: float) -> Approach:
     """Return a torus-like machine with I_2 = I_3 to the last bit."""
     del distance
-    thick = dict.fromkeys(("Theta_3_11", "Theta_3_22", "Theta_3_33"), 23.16144)
-    machine = torus(L_2=0.83, L_3=0.67, m_2=29.9, m_3=29.5, Theta_2_22=1.0, **thick)
+    own = 23.16144
+    machine = torus(
+        L_2=0.83, L_3=0.67, m_2=29.9, m_3=29.5, Theta_2_22=1.0, Theta_3_11=own, Theta_3_22=own, Theta_3_33=own
+    )
     return machine, poses(3, [0.3, 0.5, -0.9])
 
 
 def on_axis(distance: float, bend: float = 0.0, offset: float = 0.0) -> Approach:
     """Return a torus-like machine of slender links, g_11 of the arm on the vertical axis = distance [kg m^2]."""
-    slender = dict.fromkeys(("Theta_1_33", "Theta_2_11", "Theta_3_11"), distance / 3.0)
-    machine = torus(B=offset, **slender)
+    own = distance / 3.0
+    machine = torus(B=offset, Theta_1_33=own, Theta_2_11=own, Theta_3_11=own)
     return machine, poses(3, [0.3, np.pi / 2, bend], [0.3, np.pi / 2 + 1e-3 * distance**0.5, bend])
 
 
