@@ -91,7 +91,7 @@ def cylindrical(
             ca.horzcat(1, 0, 1),
         )
         entries = ca.vertcat(theta_bar / (offset * offset), m2 + m3, m3)
-        frame = Frame("paper", q, ca.sparsify(ca.SX(rows)), ca.sparsify(ca.SX(back)), ca.diag(entries))
+        frame = Frame("paper", q, ca.sparsify(ca.SX(rows)), ca.sparsify(ca.SX(back)), ca.diag(entries), "A")
         return fixed(frame)(added)
 
     turned = rotation(2, phi)
@@ -123,6 +123,7 @@ def cylindrical(
         },
         nominal=p.nominal,
         symbols=p.symbols,
+        inertia={"phi": "Theta_1_33, Theta_2_33 or Theta_3_33", "xi": "m_2 or m_3", "r": "m_3"},
         inverse=partial(_inverse, p.nominal["A"], p.nominal["l_T"]),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,7 @@ class Frame:
     matrix: ca.SX  # (n, n) F(q)
     inverse: ca.SX  # (n, n) S(q)
     metric: ca.SX  # (n, n) g'(q)
+    vanishes: str = ""  # what vanishes with det F(q), in the words of the machine; empty: det F
 
     @property
     def diagonal(self) -> bool:
@@ -38,7 +39,7 @@ def fixed(frame: Frame) -> Callable[[ca.SX], Frame]:
         if added.nnz() == 0:
             return frame
         pulled = frame.metric + frame.inverse.T @ added @ frame.inverse
-        return Frame(frame.name, frame.q, frame.matrix, frame.inverse, without_negligible(pulled, frame.q))
+        return replace(frame, metric=without_negligible(pulled, frame.q))
 
     return make
 

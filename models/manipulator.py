@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -62,6 +62,7 @@ class Manipulator:
     frames: Mapping[str, Callable[[ca.SX], Frame]]  # name -> maker, called with the metric that effects add
     nominal: Mapping[str, float]  # every parameter, SI
     symbols: Mapping[str, ca.SX]  # the parameters that stay symbols
+    inertia: Mapping[str, str] = field(default_factory=dict)  # coordinate -> parameters that give it inertia everywhere
     inverse: Inverse | None = None  # inverse kinematics of the tool point in closed form, for the nominal parameters
 
     def __repr__(self) -> str:

@@ -112,7 +112,7 @@ def spherical(
     restored[0, 1], restored[1, 1], restored[2, 1] = -slope / sine, 1 / sine, -cosine / sine
     widened = ca.SX(entries)
     widened[1, 1] = entries[1, 1] / sine**2
-    paper = Frame("paper", q, ca.sparsify(stretched), ca.sparsify(restored), widened)
+    paper = Frame("paper", q, ca.sparsify(stretched), ca.sparsify(restored), widened, "sin(theta)")
 
     tilted = rotation(2, psi) @ rotation(0, -theta)
     direction = tilted[:, 2]
@@ -148,6 +148,7 @@ def spherical(
         },
         nominal=p.nominal,
         symbols=p.symbols,
+        inertia={"theta": "Theta_2_11", "psi": "Theta_1_33 or Theta_2_33", "phi": "Theta_3_33", "r": "m_3"},
         inverse=partial(_inverse, p.nominal["l_T"]),
     )
 

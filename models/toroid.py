@@ -123,6 +123,11 @@ def torus(
         frames=frames,
         nominal=p.nominal,
         symbols=p.symbols,
+        inertia={
+            "q1": "Theta_1_33, Theta_2_11 or Theta_3_11",
+            "q2": "Theta_2_22 or Theta_3_22",
+            "q3": "Theta_2_22 or Theta_3_22",
+        },
         inverse=partial(_inverse, p.nominal["B"], p.nominal["L_2"], p.nominal["L_3"] / 2 + p.nominal["l_T"]),
     )
 
@@ -198,10 +203,13 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
     diagonal = ca.diag(ca.vertcat(g11 - h2 * r2 - h3 * r3, minus, plus))
     arrow = Frame("arrow", q, ca.sparsify(bent), back @ ca.sparsify(unbent), diagonal)
 
-    def root(name: str, a: ca.SX | float, d: ca.SX | float, delta: ca.SX | float, g22: ca.SX, g33: ca.SX) -> Frame:
+    def root(
+        name: str, a: ca.SX | float, d: ca.SX | float, delta: ca.SX | float, g22: ca.SX, g33: ca.SX, vanishes: str = ""
+    ) -> Frame:
         coupled2, coupled3 = a * t2 + (1 + a) * t3, t2 + (1 + d) * t3
         forward = _pair(d / delta, -1 / delta, -1 / delta, a / delta)
-        return Frame(name, q, forward, _pair(a, 1, 1, d), _symmetric(g11, coupled2, coupled3, g22, ca.SX(0), g33))
+        own = _symmetric(g11, coupled2, coupled3, g22, ca.SX(0), g33)
+        return Frame(name, q, forward, _pair(a, 1, 1, d), own, vanishes)
 
     def paper(added: ca.SX) -> Frame:
         n = p.nominal
@@ -212,7 +220,7 @@ def _metric_and_frames(p: Parameters, q: ca.SX) -> tuple[ca.SX, dict[str, Callab
                 "torus: the frame 'paper' of (5.5) is singular at I_2 = I_3 (B_c = 0, its constant a is infinite); "
                 "use frame='regular', which exists for all parameters"
             )
-        return fixed(root("paper", 1 / above, -(1 + sigma), -2 * sigma / above, plus / above**2, minus))(added)
+        return fixed(root("paper", 1 / above, -(1 + sigma), -2 * sigma / above, plus / above**2, minus, "B_c"))(added)
 
     short = 1 + sigma
     other = root("other_root", -1 / short, above, -2 * sigma / short, minus / short**2, plus)

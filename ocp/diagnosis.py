@@ -13,6 +13,7 @@ from ocp.collocation import Control
 from ocp.constraint import Where, simple
 from ocp.guess import Guess, ends
 from ocp.problem import Fixed, Free, Problem
+from ocp.singularity import touched
 from ocp.solution import Solution, Status
 from ocp.system import Label, slopes
 from ocp.verification import excess
@@ -188,7 +189,7 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         phase = f" in phase {number + 1}" if len(solutions) > 1 else ""
         found += _worst(solution, phase)
     found.sort(key=lambda pair: -pair[0])
-    sentences = [words for _, words in found[:NAMED]]
+    sentences = [*touched(solutions), *(words for _, words in found[:NAMED])]
     problems = [solution.problem for solution in solutions if solution.problem is not None]
     for problem, numbers in zip(problems, values, strict=True):
         sentences += warnings_before(problem, [numbers])

@@ -51,6 +51,7 @@ def extend(system: System) -> System:
         notes=(*system.notes, f"extended: the control is the rate {name!r}"),
         limits=system.limits,
         initial=system.initial,
+        singular=system.singular,
     )
 
 

@@ -29,6 +29,7 @@ class Step:
     exhausted: bool = False  # whether the steps ran out
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step that is not finite is rejected
 def integrate(
     rate: Rate,
     t0: float,

@@ -10,12 +10,14 @@ import numpy as np
 
 from ocp import argument
 from ocp.extrapolation import Extrapolation
-from ocp.method import Method, check_components, check_tolerances
-from ocp.piece import Controls, at_start, pieces
+from ocp.method import Method, Passage, check_components, check_tolerances, stopped
+from ocp.piece import Controls, Piece, at_start, pieces
+from ocp.regularity import between, meeting
 from ocp.solution import OUTSIDE, Solution
-from ocp.system import System
+from ocp.system import System, rates
 
 Array = np.ndarray
+WATCHED = 100  # intervals at least in which a motion is looked at that may step over a singularity
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,9 @@ def simulate(
 ) -> Trajectory:
     """Integrate x' = f(x, u(t), p) from x0 at t = 0; by default with steps of order 16, an error control for each.
 
+    A motion ends where it meets a singularity of the system, and the message names it. A system that a motion may cross
+    unnoticed is integrated with at least 100 stops, whatever is reported.
+
     Args:
         system: x' = f(x, u, p).
         x0: (nx,) state at t = 0.
@@ -101,7 +106,13 @@ def simulate(
     xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
     if reported[0] == 0.0:
         xs[0], us[0] = start, at_start(control, nu)
-    parts = tuple(pieces(control, reported, inner, nu))
+    named = dict(zip(system.nominal, parameters, strict=True))
+    refused = meeting(system, start[None], parameters)
+    if refused:
+        xs[:], us[:] = np.nan, np.nan
+        message = f"the integration did not start: {refused.words}"
+        return Trajectory(reported, xs, us, message, system, named)
+    parts = tuple(pieces(control, _stops(system, reported, chosen), inner, nu))
     with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows beyond all numbers is told by the message
         passage = chosen.march(system, parameters, start, parts)
     row = 0
@@ -111,8 +122,52 @@ def simulate(
             if place < len(reported) and reported[place] == stop and not np.isnan(passage.x[row, 0]):
                 xs[place], us[place] = passage.x[row], piece.control(stop)
             row += 1
-    named = dict(zip(system.nominal, parameters, strict=True))
-    return Trajectory(reported, xs, us, passage.message, system, named, passage.evaluations)
+    message = passage.message
+    if system.singular:
+        met = _met(system, parameters, start, parts, passage)
+        if met is not None:
+            time, words = met
+            xs[reported >= time], us[reported >= time] = np.nan, np.nan
+            message = stopped(time, words)
+    return Trajectory(reported, xs, us, message, system, named, passage.evaluations)
+
+
+def _stops(system: System, reported: Array, method: Method) -> Array:
+    """Return the times to report, with those at which a motion is looked at for singularities it may step over."""
+    end = float(reported[-1])
+    if len(reported) >= WATCHED or not any(place.crossed for place in system.singular) or end == 0.0:
+        return reported
+    step = getattr(method, "step", end / WATCHED)
+    every = np.arange(1, int(end / step) + 1) * step
+    return np.union1d(reported, every[every < end * (1.0 - 1e-9)])
+
+
+def _met(
+    system: System, parameters: Sequence[float], start: Array, parts: Sequence[Piece], passage: Passage
+) -> tuple[float, str] | None:
+    """Return when an integrated motion meets a singularity [s] and what to say of it, None if it does not.
+
+    A motion that could not go on is continued in a straight line to the next stop, to see what it ran into.
+    """
+    x, row = start, 0
+    for piece in parts:
+        count = len(piece.stops) - 1
+        path = np.vstack([x, passage.x[row : row + count]])
+        good = np.all(np.isfinite(path), axis=1)
+        reached = len(path) if good.all() else int(np.argmin(good))
+        u = piece.control.sample(piece.stops[:reached])
+        t, fine = between(system, piece.stops[:reached], path[:reached], u, parameters)
+        if reached < len(path):
+            ahead = np.linspace(0.0, piece.stops[reached] - piece.stops[reached - 1], WATCHED)[1:, None]
+            slope = np.array(rates(system)(path[reached - 1], u[-1], parameters)).T
+            t, fine = np.append(t, t[-1] + ahead), np.vstack([fine, path[reached - 1] + ahead * slope])
+        found = meeting(system, fine, parameters)
+        if found:
+            return float(t[found.row]), found.words
+        if reached < len(path):
+            return None
+        x, row = path[-1], row + count
+    return None
 
 
 def _with_tolerances(method: Method, rtol: float | None, atol: float | Array | None, nx: int) -> Method:

@@ -36,6 +36,7 @@ from ocp.problem import Fixed, Problem, same_structure
 from ocp.programme import bounds, pack, unpack
 from ocp.scaling import from_limits, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
+from ocp.singularity import singular_ends, touched
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
 
@@ -156,7 +157,8 @@ class Prepared:
         rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
         z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(programmes, guesses, values, strict=True)])
         refused = [*contradictions(self.problem, values)]
-        wrong = refused or [*not_finite(self.problem, guesses, values)]
+        wrong = refused or [*singular_ends(phases_of(self.problem), values)]
+        wrong = wrong or [*not_finite(self.problem, guesses, values)]
         if wrong:
             status = Status.INFEASIBLE if refused else Status.FAILED
             nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
@@ -195,13 +197,17 @@ class Prepared:
                     motion.multipliers,
                 )
             )  # fmt: skip
+        status = answer.status
+        if status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(solutions)):
+            status = Status.FAILED  # the equations hold at nodes on both sides, and have no meaning between
+            solutions = [replace(solution, status=status) for solution in solutions]
         if not reasons:
-            reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
-        message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value
+            reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
+        message = ": ".join([status.value, "; ".join(reasons)]) if reasons else status.value
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
         return SequenceSolution(
-            tuple(solutions), answer.status, message, answer.verbatim, answer.cost, timings, answer.iterations,
+            tuple(solutions), status, message, answer.verbatim, answer.cost, timings, answer.iterations,
             self.problem,
         )  # fmt: skip
 

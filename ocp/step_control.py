@@ -95,6 +95,7 @@ class _Attempt:
         self._varies = not (isinstance(piece.control, Polynomial) and len(piece.control.values) == 1)
         self._u[:] = np.tile(piece.control(piece.stops[0]), len(self._rule.places))
 
+    @np.errstate(over="ignore", invalid="ignore")  # a step that is not finite is rejected
     def through(self, x: Array, t: float, stop: float, step: float) -> tuple[Array, float, float]:
         """Return the state and time reached, and a proposal for the next step."""
         new, errors, change, evaluations = self._run.outputs

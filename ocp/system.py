@@ -30,6 +30,23 @@ class Label:
 
 
 @dataclass(frozen=True, eq=False)
+class Singularity:
+    """A place where the equations of a system have no meaning: a quantity vanishes there.
+
+    Args:
+        quantity: scalar expression in x and p.
+        least: size below which it counts as zero, too few digits being left of the equations.
+        words: what is singular and what to do about it, a sentence without a full stop.
+        crossed: whether the quantity changes its sign there, so that a motion may step over the place unnoticed.
+    """
+
+    quantity: ca.SX
+    least: float
+    words: str
+    crossed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """An ordinary differential equation in normal form, x' = rate(x, u, p).
 
@@ -45,6 +62,7 @@ class System:
         limits: signal name -> (lower, upper), scalars or one for each component, None for none; what the system itself
             keeps to along every motion. Every Problem has them.
         initial: signal name -> value at t = 0 that a motion starts with unless it says otherwise, such as a clock.
+        singular: places that no motion may touch; `simulate`, `solve` and `verify` watch them.
 
     Raises:
         TypeError: a part is not symbolic.
@@ -61,6 +79,7 @@ class System:
     notes: tuple[str, ...] = ()
     limits: Mapping[str, tuple[Side, Side]] = field(default_factory=dict)
     initial: Mapping[str, float] = field(default_factory=dict)
+    singular: tuple[Singularity, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("x", "u", "p", "rate"):
@@ -101,11 +120,19 @@ class System:
             if name not in self.signals:
                 given = "limits" if name in self.limits else "initial"
                 raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
+        for place in self.singular:
+            self.check_symbols("singular", place.quantity)
+            if ca.depends_on(place.quantity, self.u):
+                raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
 
     def __reduce__(self) -> tuple[object, ...]:
         # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.
-        function = ca.Function("system", [self.x, self.u, self.p], [ca.densify(self.rate), *self.signals.values()])
-        data = (dict(self.nominal), dict(self.labels), self.notes, dict(self.limits), dict(self.initial))
+        outputs = [ca.densify(self.rate), *self.signals.values(), *(place.quantity for place in self.singular)]
+        function = ca.Function("system", [self.x, self.u, self.p], outputs)
+        data: tuple[object, ...] = (dict(self.nominal), dict(self.labels), self.notes)
+        data += (dict(self.limits), dict(self.initial))
+        if self.singular:
+            data += (tuple((place.least, place.words, place.crossed) for place in self.singular),)
         return rebuild, (function, tuple(self.signals), *data)
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
@@ -184,8 +211,9 @@ def rebuild(
     notes: tuple[str, ...],
     limits: Mapping[str, tuple[Side, Side]],
     initial: Mapping[str, float],
+    singular: tuple[tuple[float, str, bool], ...] = (),
 ) -> System:
-    """Return the System that a function (x, u, p) -> (rate, *signals) stands for, on new symbols.
+    """Return the System that a function (x, u, p) -> (rate, *signals, *quantities) stands for, on new symbols.
 
     Args:
         function: as made by pickling a System.
@@ -195,8 +223,10 @@ def rebuild(
         notes: sentences.
         limits: by signal.
         initial: by signal.
+        singular: what is known of each place beside its quantity.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
-    rate, *signals = function.call([x, u, p])
-    named = dict(zip(names, signals, strict=True))
-    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial)
+    rate, *rest = function.call([x, u, p])
+    named = dict(zip(names, rest[: len(names)], strict=True))
+    places = tuple(Singularity(q, *known) for q, known in zip(rest[len(names) :], singular, strict=True))
+    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, places)

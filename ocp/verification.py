@@ -170,7 +170,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     if len(balance) == 2:
         supplied = balance[1] - system.signals.get("loss", ca.SX(0))
         x, rate = ca.vertcat(x, work), ca.vertcat(rate, ca.sum1(supplied))
-    augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal)
+    augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal, singular=system.singular)
     x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
     atol = TIGHT * np.append(scale, np.ones(len(x0) - len(scale)))
     nodes = solution.nodes

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import stability_frames
 import stability_horizon
 import stability_input
 import stability_inverse
+import stability_pole
 import stability_search
+import stability_singular
 import stability_stiff
 import stability_stiff_optimal
 import stability_tasks
 from stability_case import Case
 
 CASES: tuple[Case, ...] = (
+    *stability_frames.CASES,
+    *stability_pole.CASES,
+    *stability_singular.CASES,
     *stability_horizon.CASES,
     *stability_stiff.CASES,
     *stability_stiff_optimal.CASES,

@@ -23,6 +23,7 @@ from ocp import (
     Solution,
     System,
     along,
+    end,
     outside,
     point_to_point,
     solve,
@@ -79,9 +80,20 @@ def contradictory() -> Solution:
     return solve(replace(task, subject_to=(*task.subject_to, along(system["q"][3], 1.2, 1.5))), grid=GRID)
 
 
-def not_a_number() -> Solution:
+def singular_start() -> Solution:
     upright = [0.0, 0.0, 0.0, 0.85]
     return solve(point_to_point(arm("paper"), upright, TO, tau=DRIVES), grid=GRID)
+
+
+def singular_between() -> Solution:
+    beyond = [-1.2, *TO[1:]]
+    return solve(point_to_point(arm("paper"), FROM, beyond, tau=DRIVES), grid=GRID)
+
+
+def not_a_number() -> Solution:
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    system = System(x, u, ca.SX(0, 1), u / x, {"x": x, "u": u}, {})
+    return solve(Problem(system, subject_to=(start(x, 0.0), end(x, 1.0), along(u, -1.0, 1.0))), grid=GRID)
 
 
 def unbounded() -> Solution:
@@ -120,7 +132,17 @@ FAILING = (
     Failing("the start outside the limits", start_outside, ("r is 0.5 m at the start", "0.6", "move the start")),
     Failing("the start inside an obstacle", start_in_obstacle, ("clearance from Ball", "at the start")),
     Failing("limits that exclude each other", contradictory, ("limits of r", "at least 1.2", "at most 1.1")),
-    Failing("not a number at the start", not_a_number, ("dpsi/dt is nan", "theta = 0", "singularity")),
+    Failing("not a number at the start", not_a_number, ("dx/dt is", "x = 0", "singularity")),
+    Failing(
+        "a start where the frame is singular",
+        singular_start,
+        ("the start is singular", "'paper'", "sin(theta) is 0", "use frame='regular'"),
+    ),
+    Failing(
+        "a singularity of the frame between start and end",
+        singular_between,
+        ("two sides of a singularity", "'paper'", "sin(theta) is 0", "use frame='regular'"),
+    ),
     Failing("a cost without a lower bound", unbounded, ("no bound", "try")),
     Failing("a hopeless guess", hopeless_guess, ("the motion breaks", "at t =", "without a guess")),
     Failing("a fixed duration that is too short", too_short, ("the shortest motion found", "0.68", "0.5 s were asked")),

@@ -9,6 +9,7 @@ import casadi as ca
 
 from models.frames import Frame, without_negligible
 from models.mechanics import Mechanics
+from models.regularity import singularities
 from models.terms import Quantity
 from ocp.system import Label, System
 
@@ -59,17 +60,20 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
     labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
     x, u, p, rate = _rate(mechanics, equations)
+    nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
+    singular = singularities(machine, frame, mechanics.frame(None), nominal)
     return System(
         x=x,
         u=u,
         p=p,
         rate=rate,
         signals=signals,
-        nominal={**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal},
+        nominal=nominal,
         labels=labels,
         notes=coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions()),
         limits=terms.limits,
         initial={name: state.initial for name, state in states.items() if state.initial is not None},
+        singular=singular,
     )
 
 

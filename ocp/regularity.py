@@ -1,0 +1,105 @@
+"""Where a motion meets a place at which the equations of its system have no meaning."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.system import Singularity, System, rates
+
+Array = np.ndarray
+BETWEEN = 8  # places looked at between two states of a motion
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """A motion and a singularity met."""
+
+    row: int  # of the states: the singularity lies at this one, or between it and the one before
+    at: bool  # at this state, not between
+    words: str  # what is singular, where, and what to do
+
+
+def meeting(system: System, x: Array, values: Sequence[float], start: int = 0) -> Meeting | None:
+    """Return where states in the order of a motion first meet a singularity of the system, None if they do not.
+
+    A state meets it where the quantity is smaller than its least size or no number; two states meet it where the
+    quantity has changed its sign.
+
+    Args:
+        system: with its singularities.
+        x: (K, nx) states; rows that are no numbers are passed over.
+        values: of the parameters.
+        start: the row whose sign counts as the right one.
+    """
+    usable = np.flatnonzero(np.all(np.isfinite(x), axis=1))
+    if not system.singular or not len(usable):
+        return None
+    sizes = quantities(system, x[usable], values)
+    found: list[tuple[int, bool, Singularity]] = []
+    first = min(int(np.searchsorted(usable, start)), len(usable) - 1)
+    for place, size in zip(system.singular, sizes, strict=True):
+        touched = ~(np.abs(size) > place.least)
+        turned = np.sign(size) != np.sign(size[first])
+        bad = np.flatnonzero(touched | turned)
+        if len(bad):
+            found.append((int(usable[bad[0]]), bool(touched[bad[0]]), place))
+    if not found:
+        return None
+    row, at, place = min(found, key=lambda one: one[0])
+    return Meeting(row, at, place.words + met_at(system, place, x[row]))
+
+
+def between(system: System, t: Array, x: Array, u: Array, values: Sequence[float]) -> tuple[Array, Array]:
+    """Return times and states of a motion with further ones between, by cubic Hermite interpolation.
+
+    Args:
+        system: x' = f(x, u, p).
+        t: (K,) [s], increasing.
+        x: (K, nx) states.
+        u: (K, nu) controls.
+        values: of the parameters.
+    """
+    p = np.tile(np.array(values, dtype=float)[:, None], len(t))
+    slope = np.array(rates(system).map(len(t))(x.T, u.T, p)).T
+    s = (np.arange(BETWEEN + 1) / (BETWEEN + 1))[:, None]
+    h = np.diff(t)[:, None, None]
+    left, right = x[:-1, None], x[1:, None]
+    inner = (
+        (2 * s**3 - 3 * s**2 + 1) * left
+        + (s**3 - 2 * s**2 + s) * h * slope[:-1, None]
+        + (3 * s**2 - 2 * s**3) * right
+        + (s**3 - s**2) * h * slope[1:, None]
+    )
+    times = (t[:-1, None] + s.T * np.diff(t)[:, None]).ravel()
+    return np.append(times, t[-1]), np.vstack([inner.reshape(-1, x.shape[1]), x[-1:]])
+
+
+def quantities(system: System, x: Array, values: Sequence[float]) -> Array:
+    """Return the quantity of every singularity at states (K, nx), shape (number of singularities, K)."""
+    p = np.tile(np.array(values, dtype=float)[:, None], len(x))
+    return np.array(_quantities(system).map(len(x))(x.T, p))
+
+
+@functools.lru_cache(maxsize=32)
+def _quantities(system: System) -> ca.Function:
+    every = ca.vertcat(*(place.quantity for place in system.singular))
+    return ca.Function("quantities", [system.x, system.p], [ca.densify(every)])
+
+
+def met_at(system: System, place: Singularity, x: Array) -> str:
+    """Return the values of the states on which the quantity of a singularity depends, in words.
+
+    Args:
+        system: that has the singularity.
+        place: the singularity.
+        x: (nx,) state.
+    """
+    used = {symbol.element_hash() for symbol in ca.symvar(place.quantity)}
+    pairs = zip(ca.vertsplit(system.x), system.label("x", len(x)), x, strict=True)
+    known = [f"{label.name} = {value:.3g}" for symbol, label, value in pairs if symbol.element_hash() in used]
+    return f" (met at {', '.join(known)})" if known else ""
