@@ -160,6 +160,6 @@ def test_a_singularity_may_not_depend_on_the_control():
 
 def test_integrators_stop_at_infinity_without_a_warning():
     x = ca.SX.sym("x")
-    system = System(x, ca.SX(0, 1), ca.SX(0, 1), 1e200 * x**3)
+    system = System(x, ca.SX(0, 1), ca.SX(0, 1), 1e300 * x**3)
     for method in (integrators.extrapolation(), integrators.dormand_prince_8(), integrators.radau_5()):
-        assert not simulate(system, [1e150], [], 1.0, method=method).ok
+        assert not simulate(system, [1e39], [], 1.0, method=method).ok

@@ -104,7 +104,7 @@ def test_a_control_at_one_time_is_that_at_many(scheme):
 
 @pytest.mark.parametrize("duration", [1e-80, 1e-160])
 def test_a_motion_beyond_double_precision_is_refused(duration):
-    with pytest.raises(ValueError, match="double precision"):
+    with pytest.raises(ValueError, match=r"duration: got 1e-\d+, expected one number > 0, from 1e-40"):
         Motion.quintic([0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], duration)
 
 
@@ -112,7 +112,7 @@ def test_a_table_names_the_number_that_overflows():
     motion = Motion.of_time(lambda t: ca.vertcat(1 / (t - 0.5), t, t, 0.8), 1.0)
     with pytest.raises(ValueError, match=r"q_theta is inf at 0\.5 s"):
         motion.torques(spherical(), [Gravity()], times=[0.0, 0.5, 1.0])
-    motion = Motion.quintic([0.9, 0.0, 0.0, 0.8], [1e300, 2.0, 0.5, 0.9], 1.0)
+    motion = Motion.of_time(lambda t: ca.vertcat(1e200 * t**2, t, t, 0.8), 1.0)
     with pytest.raises(ValueError, match=r"tau_r is -inf at 0\.\d+ s: .* too large for double precision"):
         motion.torques(spherical(), [Gravity()])
 
