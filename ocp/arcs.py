@@ -10,11 +10,12 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp.boundary import ends
 from ocp.collocation import Scheme
 from ocp.constraint import Where
 from ocp.division import Condition, Division, Near
 from ocp.grid import Grid
-from ocp.guess import Guess, ends
+from ocp.guess import Guess
 from ocp.ipopt import Answer, Ipopt, build, run
 from ocp.multipliers import Jump, Pressure, Tie, adjoin_directly
 from ocp.problem import Free, Problem
@@ -118,7 +119,9 @@ def solve_arcs(
     else:
         solver = build(programme.nlp, programme.derivatives, settings, warm=False)
         setup = time.perf_counter() - begun
-        answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), (low, high, rows_low, rows_high))
+        sides = low, high, rows_low, rows_high
+        sizes = scaling.cost, programme.sizes
+        answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), sides, sizes)
     layout = programme.layout
     found = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
     done = tuple(replace(a, duration=float(t)) for a, t in zip(arcs, found, strict=True))
@@ -166,7 +169,8 @@ def _near(
         own = np.flatnonzero(arc == k)
         share = grid.ends[own][:, None] + grid.widths[own][:, None] * scheme.points
         reference = guess.control(share)[:, :, chosen]
-        size = np.where(np.isfinite(high - low), high - low, 1.0)[chosen]
+        used = np.maximum(np.ptp(guess.u, axis=0), np.max(np.abs(guess.u), axis=0))
+        size = np.where(np.isfinite(high - low), high - low, np.where(used > 0.0, used, 1.0))[chosen]
         found.append(Near(chosen, reference, size, weight, own, scheme.weights))
     return tuple(found)
 

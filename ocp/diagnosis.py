@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.boundary import ends
 from ocp.collocation import Control
 from ocp.constraint import Where, simple
-from ocp.guess import Guess, ends
+from ocp.guess import Guess
 from ocp.problem import Fixed, Free, Problem
+from ocp.rest import warnings_before
 from ocp.solution import Solution, Status
-from ocp.system import Label, slopes
+from ocp.system import Label
 from ocp.verification import excess
 
 if TYPE_CHECKING:
@@ -24,6 +26,7 @@ NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
 SHRUNK = 1e-6  # of the guessed duration
 MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
 NAMED = 3  # findings listed at most
+ROUNDING = 1e-9  # share of what a value is made of
 
 
 def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> Iterator[str]:
@@ -65,7 +68,7 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
     labels = _labels(phase, "x", system.x)
-    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-14 + 1e-10 * np.abs(values[:, None, :])
+    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
     for i, c in np.argwhere(alike.all(axis=0)).tolist():
         label = labels[i]
         for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
@@ -114,41 +117,18 @@ def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
         if not whole:
             continue
         for constraint in states:
-            value = np.array(ca.Function("c", [system.x, system.p], [constraint.expression])(x, p)).ravel()
+            c = constraint.expression
+            sizes = ca.mtimes(ca.fabs(ca.jacobian(c, system.x)), ca.fabs(system.x))
+            value, size = np.array(ca.Function("c", [system.x, system.p], [ca.horzcat(c, sizes)])(x, p)).T
+            size = np.nanmax(np.abs([value, size]), axis=0)  # of the terms; rounding is a share of it
             beyond = np.maximum(constraint.lower - value, value - constraint.upper)
-            for label, amount, got in zip(phase.labels(constraint), beyond, value, strict=True):
-                simple_ = constraint.expression.is_symbolic()
-                if amount > 1e-9 * max(1.0, abs(got)) and not simple_ and label.name not in _state_names(phase):
+            for label, amount, got, least in zip(phase.labels(constraint), beyond, value, size, strict=True):
+                if amount > ROUNDING * least and not c.is_symbolic() and label.name not in _state_names(phase):
                     shown = f"{got:.6g} {label.unit}".strip()
                     yield (
                         f"{label.name} is {shown} at the {where.value} and breaks its limit along the "
                         f"motion by {amount:.3g}; move the {where.value} or the limit"
                     )
-
-
-def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> list[str]:
-    """Return what speaks against a motion without excluding it: a control too weak to hold an end at rest."""
-    found = []
-    for phase, numbers in zip(_phases(problem), values, strict=True):
-        system, p = phase.system, ca.DM(list(numbers))
-        low, high = phase.limits(Where.ALONG, system.u)
-        function = slopes(system)
-        first, last, fixed = ends(phase, p)
-        for words, x, whole in (("start", first, fixed[0]), ("end", last, fixed[1])):
-            f, _, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
-            if not whole or not len(low) or not (np.all(np.isfinite(f)) and np.all(np.isfinite(b))):
-                continue
-            u = np.linalg.lstsq(b, -f.ravel(), rcond=None)[0]
-            if np.max(np.abs(f.ravel() + b @ u), initial=0.0) > 1e-6 * max(1.0, float(np.max(np.abs(f)))):
-                continue  # not a place of rest
-            for label, need, a, c in zip(system.label("u", len(u)), u, low, high, strict=True):
-                if need < a * (1 + 1e-9) - 1e-12 or need > c * (1 + 1e-9) + 1e-12:
-                    limit = a if need < a else c
-                    found.append(
-                        f"{label.name} cannot hold the {words}: {need:.4g} {label.unit} are needed at rest, the limit "
-                        f"is {limit:.4g}; raise the limit above {abs(need):.4g} {label.unit} or move the {words}"
-                    )
-    return found
 
 
 def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[list[float]]) -> Iterator[str]:

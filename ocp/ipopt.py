@@ -131,21 +131,26 @@ def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], sett
 
 
 def run(
-    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
+    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array], sizes: tuple[float, Array],
     duals: tuple[Array, Array] | None = None,
 ) -> Answer:  # fmt: skip
-    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises."""
+    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises.
+
+    The programme sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
+    """
     begun = time.perf_counter()
-    low, high, rows_low, rows_high = bounds
-    first = {} if duals is None else {"lam_x0": duals[0], "lam_g0": duals[1]}
+    size, rows = sizes
+    low, high, rows_low, rows_high = bounds[0], bounds[1], bounds[2] / rows, bounds[3] / rows
+    first = {} if duals is None else {"lam_x0": duals[0] / size, "lam_g0": duals[1] * rows / size}
     try:
-        solver.watch.reset(rows_low, rows_high)
+        solver.watch.reset(rows_low, rows_high, size)
         with interruptible(solver.watch):
             found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
         solver.watch.clear()
         stats = solver.function.stats()
         z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
-        cost, verbatim = float(found["f"]), str(stats["return_status"])
+        multipliers, limits = size * multipliers / rows, size * limits
+        cost, verbatim = size * float(found["f"]), str(stats["return_status"])
         iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
@@ -157,6 +162,7 @@ def run(
     seconds = time.perf_counter() - begun
     derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
     log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
+    log |= {"obj": [size * value for value in log["obj"]]} if "obj" in log else {}
     status = STATUS.get(verbatim, Status.FAILED)
     return Answer(z, multipliers, limits, cost, status, verbatim, iterations, derivatives, seconds, log)
 
@@ -171,9 +177,9 @@ class Watch(ca.Callback):  # type: ignore[misc]
         self.reset()
         self.construct("watch", {})
 
-    def reset(self, low: Array | None = None, high: Array | None = None) -> None:
-        """Begin anew, with the limits of the rows: no request to stop, no iterations."""
-        self._low, self._high = low, high
+    def reset(self, low: Array | None = None, high: Array | None = None, size: float = 1.0) -> None:
+        """Begin anew, with the limits of the rows and the size of the cost: no request to stop, no iterations."""
+        self._low, self._high, self._size = low, high, size
         self.stop = False
         self.count, self._told = 0, False
         self._begun = self._last = time.perf_counter()
@@ -208,7 +214,7 @@ class Watch(ca.Callback):  # type: ignore[misc]
                 if self._low is None or self._high is None
                 else float(np.max([self._low - g, g - self._high], initial=0.0))
             )
-            line = f"  iteration {self.count}, cost {float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
+            line = f"  iteration {self.count}, cost {self._size * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
             line += f"{now - self._begun:.0f} s"
             print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
         return [int(self.stop)]

@@ -194,7 +194,9 @@ class Solution:
     def error(self) -> Array:
         """(N,) relative local error of the dynamics on every element.
 
-        e_k = max_i integral over the element of |dx_i/dt - f_i(x, u)| dt / (1 + max |x_i|)
+        e_k = max_i integral over the element of |dx_i/dt - f_i(x, u)| dt / s_i
+
+        with s_i the largest |x_i|, at least a thousandth of the largest state with the same unit.
 
         The residual is zero at the collocation points, where it changes its sign; a Gauss quadrature of four points
         runs between every two of them.
@@ -218,7 +220,11 @@ class Solution:
         each = missed.reshape(len(self.grid), len(tau), -1)
         widths = self.duration * self.grid.widths
         integral = np.einsum("ksa,s->ka", each, shares) * widths[:, None]
-        relative: Array = np.max(integral / (1.0 + np.max(np.abs(x), axis=0)), axis=1)
+        span = np.max(np.abs(x), axis=0)
+        units = [label.unit for label in system.label("x", len(span))]
+        floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
+        size = np.maximum(span, floor)
+        relative: Array = np.max(integral / np.where(size > 0.0, size, 1.0), axis=1)
         return relative
 
     def samples(self, tau: Array) -> tuple[Array, Array, Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ocp.collocation import Scheme, radau
 from ocp.continuation import multipliers
-from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
+from ocp.diagnosis import contradictions, explain, not_finite, remarks
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
@@ -21,7 +21,8 @@ from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
 from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
-from ocp.scaling import from_limits, table, unscaled
+from ocp.rest import warnings_before
+from ocp.scaling import common, from_limits, sizes, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
@@ -149,7 +150,8 @@ class Prepared:
         chosen = build(self.compound.nlp, self.compound.derivatives, settings, warm=True) if warm else self.cold
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
-        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]), duals)
+        sides = low, high, rows[0], rows[1]
+        answer = run(chosen, z0, np.concatenate(parameters), sides, self.compound.sizes, duals)
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
@@ -217,12 +219,17 @@ def prepare(
     every = parameter_values(problem, values)
     given = guess if isinstance(guess, STARTS) or (isinstance(guess, list | tuple) and _fresh(guess)) else None
     guesses = chain(problem, every, smooth) if given is None else as_guesses(problem, given)
-    programmes = []
-    for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
-        free = free_parameters(phase)
-        scaling = from_limits(phase, first, numbers, free) if solver.scaled else unscaled(phase, len(free))
-        programmes.append(transcribe(phase, scheme, grid, scaling))
-    compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
+    parts = list(zip(phases_of(problem), guesses, every, strict=True))
+    scalings = common([
+        from_limits(phase, first, numbers, free_parameters(phase))
+        if solver.scaled else unscaled(phase, len(free_parameters(phase)))
+        for phase, first, numbers in parts
+    ])  # fmt: skip
+    programmes = [transcribe(part[0], scheme, grid, own) for part, own in zip(parts, scalings, strict=True)]
+    sequence = problem if isinstance(problem, Sequence) else None
+    sides = sequence.sides if sequence else ()
+    linked = [sizes(side, *part, own) for (side, _), part, own in zip(sides, parts, scalings, strict=False)]
+    compound = join(tuple(programmes), sequence, linked)
     cold = build(compound.nlp, compound.derivatives, solver, warm=False)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)

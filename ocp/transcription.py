@@ -7,7 +7,7 @@ on the grid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -45,22 +45,33 @@ def transcribe(
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
+    held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
     element = _element(problem, scheme, layout, symbols, path_parts, tau, division.arc)
     ends = _ends(problem, scheme, layout, symbols, ends_parts)
 
     s = ca.MX.sym("s", np_ + fixed + n)
     p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
+    sizes = [
+        np.concatenate([np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.size(*k)) for k, t in held)]),
+        np.array([scaling.size(i, c) for i, c, _ in ends_parts]),
+    ]
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
     for condition in division.conditions:
         local = _chosen(problem, scheme, layout, symbols, condition, division.arc)
         blocks.append((local, [ca.repmat(p, 1, local.copies)]))
+        sizes.append(np.ones(local.rows))
     for near in division.near:
         reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
         blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
+        sizes.append(np.zeros(0))
     if division.total is not None:
         blocks.append((_total(layout, scaling), []))
-    nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
+        sizes.append(np.full(1, scaling.horizon))
+    divided = [
+        (_divided(b, np.append(own, scaling.cost)), given) for (b, given), own in zip(blocks, sizes, strict=True)
+    ]
+    nlp, derivatives = assemble(divided, ca.MX.sym("z", layout.size), s)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
@@ -72,7 +83,14 @@ def transcribe(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
         chosen, counts[-1] + np.arange(int(division.total is not None)),
+        np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
+
+
+def _divided(local: Local, sizes: Array) -> Local:
+    """Return a local function with its rows and its cost divided by sizes (m + 1,)."""
+    by = sizes[:, None]
+    return replace(local, linear=local.linear / by, terms=[(outer / by, inner) for outer, inner in local.terms])
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,7 +127,8 @@ def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
         left, right = solution.problem.sides[k]
         path = before.signal(left, before.t)
         apart = np.abs(path[-1] - after.signal(right, 0.0))
-        size = np.maximum(np.max(np.abs(path), axis=0), 1e-12)
+        size = np.max(np.abs(path), axis=0)
+        size = np.where(size > 0.0, size, 1.0)
         for i, amount in enumerate(apart):
             figure = Figure(amount, "", "link", f"link {i + 1} at junction {k + 1}", before.duration)
             found.append((float(amount / size[i]), figure))
@@ -173,7 +174,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
         x, rate = ca.vertcat(x, work), ca.vertcat(rate, ca.sum1(supplied))
     augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal)
     x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
-    atol = TIGHT * np.append(scale, np.ones(len(x0) - len(scale)))
+    atol = TIGHT * np.append(scale, _turned(solution, supplied)) if len(balance) == 2 else TIGHT * scale
     nodes = solution.nodes
     unit, words = "share", "the size of each state"
     if solution.duration <= 0.0 or not np.all(np.isfinite(solution.states)):
@@ -195,6 +196,14 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
     turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-300)
     return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
+
+
+def _turned(solution: Solution, power: ca.SX) -> Array:
+    """Return the work (1,) done and taken along the motion, added up; one if there is none."""
+    t, _, _, _ = solution.samples(solution.scheme.points)
+    weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
+    size = weights @ np.abs(solution.signal(ca.sum1(ca.fabs(power)), t))
+    return np.where(size > 0.0, size, 1.0)
 
 
 def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
