@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
-SHRUNK = 1e-6  # of the guessed duration
+SHRUNK = 1e-9  # of the guessed duration
 MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
 NAMED = 3  # findings listed at most
 ROUNDING = 1e-9  # share of what a value is made of

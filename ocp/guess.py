@@ -247,7 +247,8 @@ def _follow(
             f, slope, _ = function(x.T, *held)
             short = rates - np.array(f).T[:, known]
             size = np.max(np.abs(rates), axis=0) + np.max(np.abs(np.array(f).T[:, known]), axis=0)
-            if not np.any(np.abs(short) > CLOSE * size):
+            # Differences of what rests are rounding.
+            if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
                 break
             blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
             blocks = blocks[:, known[:, None], wanted]

@@ -138,6 +138,7 @@ def _settle(
     arcs, guess = read(problem, coarse, limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
     solves = iterations = level = steps = failures = 0
+    settled: _Try | None = None
     singular = set(undetermined(problem).tolist())
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
         elements = _elements(arcs, level)
@@ -148,6 +149,8 @@ def _settle(
         solves, iterations = solves + 1, iterations + motion.answer.iterations
         seen.add(_key(arcs))
         if motion.answer.status is not Status.SOLVED:
+            if settled is not None:
+                return replace(settled, iterations=iterations)  # only its residual could have been smaller
             failures += 1
             others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
             other = next((o for o in others if _key(o) not in seen), None)
@@ -172,6 +175,7 @@ def _settle(
             continue
         if not sound and level >= 1:
             return _Try(None, None, _what(problem, limits, certificate), iterations)
+        settled = _Try(motion, certificate, "", iterations) if sound else None
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue

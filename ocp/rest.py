@@ -6,9 +6,10 @@ import casadi as ca
 import numpy as np
 
 from ocp.boundary import ends
-from ocp.constraint import Where
+from ocp.constraint import Where, simple
+from ocp.guess import Guess
 from ocp.phases import phases_of
-from ocp.problem import Problem
+from ocp.problem import Free, Problem
 from ocp.sequence import Sequence
 from ocp.system import slopes
 
@@ -47,3 +48,24 @@ def _rests(f: Array, parts: Array, units: list[str]) -> bool:
     left, size = np.abs(f + parts.sum(axis=1)), np.abs(f) + np.abs(parts).sum(axis=1)
     alike = np.array([max(s for s, other in zip(size, units, strict=True) if other == unit) for unit in units])
     return bool(np.all(left <= 1e-6 * alike + 1e-14 * np.max(size, initial=0.0)))
+
+
+def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Guess, float] | None:
+    """Return the motion of no duration and its cost, where it is the optimum: least time, and the goal is the start.
+
+    Args:
+        problem: a Problem.
+        values: of the parameters.
+        guess: whose first controls it takes.
+    """
+    system, minimise = problem.system, problem.minimise
+    first, last, fixed = ends(problem, ca.DM(values))
+    timed = isinstance(problem.horizon, Free) and problem.horizon.lower == 0.0 and minimise.time > 0.0
+    limited = [c for c in problem.subject_to if c.where is Where.ALONG and simple(c, system.p)]
+    apart = [c for c in problem.subject_to if c.where is Where.PERIODIC]
+    if not timed or not all(fixed) or limited or apart or np.any(first != last) or not minimise.running.is_zero():
+        return None
+    final = ca.Function("final", [system.x, system.p], [minimise.final])(first, values)
+    low, high = problem.limits(Where.ALONG, system.u)
+    u = np.clip(guess.u[:1], low, high)
+    return Guess(np.array([0.0, 1.0]), np.array([first, first]), np.vstack([u, u]), 0.0, np.zeros(0)), float(final)

@@ -14,7 +14,7 @@ from ocp.problem import Problem
 from ocp.system import slopes as slopes_of
 
 Array = np.ndarray
-NEGLIGIBLE = 1e-16  # share of the largest size below which a size is rounding
+NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
 COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
 IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
 LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
@@ -93,6 +93,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
     guessed = np.max(np.abs(guess.u), axis=0, initial=0.0)
     used = _control_size(guessed, needed, slopes)
+    used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
     # A drive that rests in the guess may have to move its states as far as others move theirs.
     most = np.maximum(guessed, _control_size(0.0 * guessed, _largest_alike(travelled, units) / guess.duration, slopes))
     u = magnitude(problem, system.u)
@@ -187,7 +188,7 @@ def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
     moving[~np.isfinite(moving) | (moving <= 0.0)] = np.inf
     least = np.min(moving, axis=(0, 1), initial=np.inf)
     degenerate = np.where(np.isfinite(least), guessed < 1e-6 * least, guessed == 0.0)
-    return np.where(degenerate, np.where(np.isfinite(least), least, 1.0), guessed)
+    return np.where(degenerate, np.where(np.isfinite(least), least, 0.0), guessed)
 
 
 def magnitude(problem: Problem, symbols: ca.SX) -> Array:

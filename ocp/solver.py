@@ -8,7 +8,6 @@ from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme, radau
@@ -18,10 +17,10 @@ from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
-from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
+from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of, same_structure
 from ocp.problem import Fixed, Problem
 from ocp.programme import bounds, pack, unpack
-from ocp.rest import warnings_before
+from ocp.rest import standstill, warnings_before
 from ocp.scaling import common, from_limits, sizes, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
 from ocp.solution import Solution, Status, Timings
@@ -96,7 +95,7 @@ class Prepared:
         programmes = self.compound.programmes
         if problem is not None:
             pairs = zip(phases_of(self.problem), phases_of(problem), strict=True)
-            same = [_same_structure(old, new) for old, new in pairs]
+            same = [same_structure(old, new) for old, new in pairs]
             programmes = tuple(replace(p, problem=new) for p, new in zip(programmes, same, strict=True))
         if grid is not None:
             for programme in programmes:
@@ -140,6 +139,12 @@ class Prepared:
             nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
             answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
+        still = standstill(self.problem, values[0], guesses[0]) if isinstance(self.problem, Problem) else None
+        if still is not None:
+            z0 = pack(programmes[0], still[0], values[0])
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, still[1], Status.SOLVED, "not started", 0, 0.0, 0.0, {})
+            return self._outcome(answer, values, rung, time.perf_counter() - begun, [])
         parameters: list[Array] = []
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
@@ -273,24 +278,3 @@ def solve(
 def _fresh(guess: Any) -> bool:
     parts = guess if isinstance(guess, list | tuple) else [guess]
     return all(isinstance(part, Guess) for part in parts)
-
-
-def _same_structure(old: Problem, new: Problem) -> Problem:
-    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
-    same = (
-        new.system is old.system
-        and type(new.horizon) is type(old.horizon)
-        and new.minimise is old.minimise
-        and len(new.subject_to) == len(old.subject_to)
-        and all(
-            a.where is b.where
-            and a.expression.shape == b.expression.shape
-            and ca.is_equal(a.expression, b.expression, 10)
-            for a, b in zip(old.subject_to, new.subject_to, strict=True)
-        )
-    )
-    if not same:
-        raise ValueError(
-            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
-        )
-    return new

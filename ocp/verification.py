@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.constraint import Where
+from ocp.magnitude import extent
 from ocp.problem import Free, Problem
 from ocp.sequence import SequenceSolution
 from ocp.simulation import simulate
@@ -86,7 +87,8 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
-    x(t); relative to the largest value of each state, or a thousandth of the largest with the same unit.
+    x(t); relative to the range of each state, or a thousandth of the largest with the same unit, or a thousandth of
+    what the controls could make of it.
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
     switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls limited
     one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
@@ -107,8 +109,8 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     problem = problem or solution.problem
     if problem is None:
         raise ValueError("verify: this solution was loaded without its model; pass problem=...")
-    scale = _sizes(solution, problem)
-    drift, end, energy = _reintegrate(solution, problem, scale)
+    scale, work = extent(solution, problem)
+    drift, end, energy = _reintegrate(solution, problem, scale, work)
     beyond = excess(solution, problem)
     relative = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
     worst = relative[1]
@@ -155,16 +157,7 @@ def _merged(reports: list[Report], gaps: list[tuple[float, Figure]]) -> Report:
     )  # fmt: skip
 
 
-def _sizes(solution: Solution, problem: Problem) -> Array:
-    """Return the largest value of each state, at least a thousandth of the largest with the same unit."""
-    span = np.max(np.abs(solution.states), axis=(0, 1))
-    units = [label.unit for label in problem.system.label("x", len(span))]
-    floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
-    size = np.maximum(span, floor)
-    return np.where(size > 0.0, size, 1.0)
-
-
-def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Figure, Figure, Figure]:
+def _reintegrate(solution: Solution, problem: Problem, scale: Array, least: float) -> tuple[Figure, Figure, Figure]:
     system = problem.system
     balance = [system.signals[name] for name in ("energy", "power") if name in system.signals]
     rate, x = system.rate, system.x
@@ -174,7 +167,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
         x, rate = ca.vertcat(x, work), ca.vertcat(rate, ca.sum1(supplied))
     augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal)
     x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
-    atol = TIGHT * np.append(scale, _turned(solution, supplied)) if len(balance) == 2 else TIGHT * scale
+    atol = TIGHT * np.append(scale, _turned(solution, problem, supplied)) if len(balance) == 2 else TIGHT * scale
     nodes = solution.nodes
     unit, words = "share", "the size of each state"
     if solution.duration <= 0.0 or not np.all(np.isfinite(solution.states)):
@@ -194,15 +187,18 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
     levels = np.array([float(level(xk, p)) for xk in moved.x[:, : len(scale)]])
     open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
-    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-300)
+    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-3 * least, 1e-300)
     return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
 
 
-def _turned(solution: Solution, power: ca.SX) -> Array:
+def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
     """Return the work (1,) done and taken along the motion, added up; one if there is none."""
-    t, _, _, _ = solution.samples(solution.scheme.points)
+    system = problem.system
+    _, x, _, u = solution.samples(solution.scheme.points)
+    function = ca.Function("power", [system.x, system.u, system.p], [ca.sum1(ca.fabs(power))])
+    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
-    size = weights @ np.abs(solution.signal(ca.sum1(ca.fabs(power)), t))
+    size = np.array(function.map(len(x))(x.T, u.T, np.tile(p[:, None], len(x)))) @ weights
     return np.where(size > 0.0, size, 1.0)
 
 
@@ -252,7 +248,7 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     mean = float(weights @ values[0] / total)
     size = max(abs(problem.minimise.time), float(weights @ sizes[0] / total), 1e-300)
     horizon = problem.horizon
-    inside = isinstance(horizon, Free) and horizon.lower < solution.duration * (1.0 - 1e-9)
+    inside = isinstance(horizon, Free) and horizon.lower + 1e-9 * max(horizon.lower, horizon.guess) < solution.duration
     # A duration at its limit has a multiplier of its own, and the Hamiltonian another constant value.
     free = inside and isinstance(horizon, Free) and solution.duration * (1.0 + 1e-9) < horizon.upper
     target = -problem.minimise.time if free else mean

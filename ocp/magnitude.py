@@ -1,0 +1,48 @@
+"""Magnitudes of the states in a motion, by which its errors are measured."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ocp.constraint import Where
+from ocp.problem import Problem
+from ocp.solution import Solution
+
+Array = np.ndarray
+
+
+def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
+    """Return what drift is measured by, for each state, and the work that states of a thousand times that size mean.
+
+    The range of the state, at least a thousandth of the largest range with the same unit, a thousandth of what the
+    controls could make of it in the duration, and what rounding leaves of its value.
+    """
+    system = problem.system
+    span, value = np.ptp(solution.states, axis=(0, 1)), np.max(np.abs(solution.states), axis=(0, 1))
+    units = [label.unit for label in system.label("x", len(span))]
+    alike = [max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
+    power = system.signals.get("power", ca.SX(0))
+    parts = [ca.jacobian(system.rate, system.x), ca.jacobian(system.rate, system.u), ca.jacobian(power, system.x)]
+    function = ca.Function("slopes", [system.x, system.u, system.p], [ca.densify(ca.fabs(part)) for part in parts])
+    x, u = (
+        np.array([part[0], part[len(part) // 2], part[-1]]) for part in (solution.states[:, 0], solution.controls[:, 0])
+    )
+    p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
+    found = [
+        [np.nan_to_num(np.array(part), posinf=0.0) for part in function(a, b, p)] for a, b in zip(x, u, strict=True)
+    ]
+    by_x, by_u, work = (np.max([one[i] for one in found], axis=0) for i in range(3))
+    reach = solution.duration * by_u @ _range(solution, problem)
+    reach = reach + solution.duration * by_x @ reach
+    size = np.maximum(np.maximum(span, 1e-3 * np.maximum(alike, reach)), 1e-9 * value)
+    return np.where(size > 0.0, size, 1.0), float(solution.duration * np.sum(work @ reach))
+
+
+def _range(solution: Solution, problem: Problem) -> Array:
+    """Return how large each control may be, or a thousand times what the motion uses if that is far less."""
+    sides = np.abs(np.stack(problem.limits(Where.ALONG, problem.system.u)))
+    used = np.max(np.abs(solution.controls), axis=(0, 1))
+    limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
+    limit = np.where(limit > 0.0, limit, used)
+    return np.asarray(np.where(used > 1e-9 * limit, np.minimum(limit, 1e3 * used), limit))
