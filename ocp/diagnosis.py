@@ -168,6 +168,8 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         found += _worst(solution, phase)
     found.sort(key=lambda pair: -pair[0])
     sentences = [words for _, words in found[:NAMED]]
+    if status is Status.LIMIT:
+        sentences += [words for solution in solutions for words in _shrinking(solution)]
     problems = [solution.problem for solution in solutions if solution.problem is not None]
     for problem, numbers in zip(problems, values, strict=True):
         sentences += warnings_before(problem, [numbers])
@@ -242,6 +244,22 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
             )
         )
     return found
+
+
+def _shrinking(solution: Solution) -> list[str]:
+    """Name the controls without limits that let a motion of least time be ever shorter."""
+    problem = solution.problem
+    if problem is None or not isinstance(problem.horizon, Free) or problem.minimise.time <= 0.0:
+        return []
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    labels = _labels(problem, "u", problem.system.u)
+    endless = [one.name for one, a, b in zip(labels, low, high, strict=True) if not np.isfinite(b - a)]
+    if not endless or solution.duration > 1e-3 * problem.horizon.guess:
+        return []
+    return [
+        f"{', '.join(endless)} without limits let the motion be as short as it likes, {solution.duration:.2g} s so "
+        "far; limit them, or give the duration a lower limit"
+    ]
 
 
 def _remedies(status: Status, problems: list[Problem], violated: bool) -> list[str]:

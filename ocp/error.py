@@ -91,6 +91,12 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     count, nx = len(solution.grid), solution.states.shape[2]
     labels = problem.system.label("x", nx)
     converged = solution.status in (Status.SOLVED, Status.ACCEPTABLE)
+    if converged and solution.duration == 0.0:
+        zero = np.zeros(count)
+        none = np.zeros((count, nx))
+        return Errors(
+            0.0, 0.0, np.zeros(nx), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, zero, none, np.zeros((count + 1, nx)), labels
+        )
     if not converged or solution.duration <= 0.0 or not np.all(np.isfinite(solution.data)):
         unknown = np.full((count, nx), np.nan)
         late = np.inf if isinstance(problem.horizon, Free) else 0.0

@@ -96,6 +96,8 @@ def polish(
     settings = SETTINGS if solver is None else solver
     if not solution.ok:
         return _unpolished(solution, "it is not a solved one")
+    if solution.duration <= 0.0:
+        return _unpolished(solution, "it has no duration")
     limits = state_limits(problem)
     together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
     for hold in contacts(problem, solution, limits)[0] if together else []:

@@ -16,6 +16,7 @@ from ocp.system import slopes as slopes_of
 Array = np.ndarray
 NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
 COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
+OFFSET = 1e-5  # share of its value that a state is resolved to, the smaller the nearer to rounding
 IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
 LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
 
@@ -75,7 +76,8 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
         free: (nf,) numbers of the parameters that are unknowns.
     """
     system = problem.system
-    travelled = np.max(np.abs(guess.x), axis=0, initial=0.0)
+    # A motion that is small beside the values of its states is resolved as far as rounding allows.
+    travelled = np.max(np.maximum(np.abs(guess.x - guess.x[0]), OFFSET * np.abs(guess.x)), axis=0, initial=0.0)
     limited = magnitude(problem, system.x)
     p = ca.DM(list(values))
     function = slopes_of(system)

@@ -149,8 +149,7 @@ class Solution:
 
     def rate(self, t: Array | float) -> Array:
         """Return dx/dt of the interpolant at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
-        widths = self.duration * self.grid.widths
-        return self._evaluate(t, self.data / widths[:, None, None], self.scheme.slope_at)
+        return self._evaluate(t, self.data / self._seconds[:, None, None], self.scheme.slope_at)
 
     def u(self, t: Array | float) -> Array:
         """Return the control at times t [s], from the right where it jumps, shape (len(t), nu) or (nu,)."""
@@ -239,7 +238,7 @@ class Solution:
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
         x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
-        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / self._seconds[:, None, None])
         u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
@@ -255,6 +254,12 @@ class Solution:
         share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
         element = self.grid.locate(share)
         return element, (share - self.grid.ends[element]) / self.grid.widths[element]
+
+    @property
+    def _seconds(self) -> Array:
+        """(N,) durations of the elements; those of a motion of no duration, which rests, are one."""
+        widths: Array = self.duration * self.grid.widths
+        return widths if self.duration > 0.0 else np.ones(len(widths))
 
     def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
         times = np.atleast_1d(np.asarray(t, dtype=float))

@@ -27,6 +27,7 @@ from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
 
 Array = np.ndarray
+ROUNDING = 1e-13  # tolerance below which rounding decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +182,11 @@ class Prepared:
             )  # fmt: skip
         if not reasons:
             reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
+        if answer.status is not Status.SOLVED and self.settings.tol < ROUNDING:
+            reasons = [
+                *reasons,
+                f"a tolerance of {self.settings.tol:g} is below rounding; {ROUNDING:g} is within reach",
+            ]
         message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)

@@ -90,7 +90,8 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     x(t); relative to the range of each state, or a thousandth of the largest with the same unit, or a thousandth of
     what the controls could make of it.
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
-    switching: integral of sum_i dH/du_i (u_i - u_i*), u_i* the end of its range that lowers H; for controls limited
+    switching: integral of what H loses when every control alone goes where a quadratic model of H is least in its
+    range; dH/du_i (u_i - u_i*) where H is linear in it, u_i* the end of its range that lowers H; for controls limited
     one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
@@ -111,7 +112,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
         raise ValueError("verify: this solution was loaded without its model; pass problem=...")
     scale, work = extent(solution, problem)
     drift, end, energy = _reintegrate(solution, problem, scale, work)
-    beyond = excess(solution, problem)
+    beyond = excess(solution, problem, scale)
     relative = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
     worst = relative[1]
     violation = Figure(
@@ -187,7 +188,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array, least: floa
     p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
     levels = np.array([float(level(xk, p)) for xk in moved.x[:, : len(scale)]])
     open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
-    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-3 * least, 1e-300)
+    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), least, 1e-300)
     return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
 
 
@@ -202,16 +203,27 @@ def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
     return np.where(size > 0.0, size, 1.0)
 
 
-def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
-    """Return for every limited component its excess relative to its range, and in its unit with name and time."""
+def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> list[tuple[float, Figure]]:
+    """Return for every limited component its excess relative to its range, and in its unit with name and time.
+
+    One without a range is measured by its largest value, or by what states of their sizes make of it.
+
+    Args:
+        solution: with finite states.
+        problem: whose limits they are.
+        scale: (nx,) sizes of the states; None for those of the motion.
+    """
     found = []
+    scale = extent(solution, problem)[0] if scale is None else scale
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     for constraint in problem.subject_to:
-        function = ca.Function("limit", [system.x, system.u, system.p], [constraint.expression])
-        motion = np.array(function.map(len(dense))(x.T, u.T, np.tile(p[:, None], len(dense))))
+        by_states = ca.mtimes(ca.fabs(ca.jacobian(constraint.expression, system.x)), scale)
+        outputs = [constraint.expression, ca.densify(by_states)]
+        function = ca.Function("limit", [system.x, system.u, system.p], outputs).map(len(dense))
+        motion, made = (np.array(part) for part in function(x.T, u.T, np.tile(p[:, None], len(dense))))
         if constraint.where is Where.PERIODIC:
             rows, values = slice(-1, None), motion[:, -1:] - motion[:, :1]
         else:
@@ -223,7 +235,7 @@ def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
             amount = max(float(beyond[c, place]), 0.0)
             sides = np.array([constraint.lower[c], constraint.upper[c]])
             reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
-            size = reach or float(np.max(np.abs(motion[c]))) or 1.0
+            size = reach or max(float(np.max(np.abs(motion[c]))), float(np.nan_to_num(np.max(made[c])))) or 1.0
             figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
             found.append((amount / size, figure))
     return found
@@ -235,14 +247,15 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     costate = ca.SX.sym("lambda", system.x.numel())
     hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
     terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
-    slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms])
+    curvature, slope = (ca.densify(part) for part in ca.hessian(hamiltonian, system.u))
+    arguments = [system.x, system.u, system.p, costate]
+    function = ca.Function("H", arguments, [hamiltonian, slope, ca.diag(curvature), terms])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     found = function.map(times.size)(
         x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
     )
-    values, slopes, sizes = (np.array(part) for part in found)
+    values, slopes, bends, sizes = (np.array(part) for part in found)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)
@@ -268,7 +281,12 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     best = np.where(
         slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
     )
-    gap = np.sum(np.maximum(slopes.T * (u - best), 0.0), axis=1)
+    # Along one control alone the least value of a convex Hamiltonian may come before its limit.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(bends.T > 0.0, slopes.T / bends.T, np.inf)
+    way = np.minimum(np.abs(u - best), np.abs(least))
+    gain = np.abs(slopes.T) * way - np.where(bends.T > 0.0, bends.T, 0.0) * way**2 / 2.0
+    gap = np.sum(np.where(slopes.T * (u - best) > 0.0, gain, 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
     where = times[int(np.argmax(gap))] if gap.size else np.nan
     return deviation, mean, offset, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)
