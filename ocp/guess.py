@@ -108,11 +108,15 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
     if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
         path, kept = _path(first, last, len(layers)), _keeping(problem, p)
-        for _ in range(SHORTENINGS if np.any(first != last) else 0):
-            shorter = SHORTER * duration
-            if shorter < problem.horizon.lower or not kept(_follow(problem, path, shorter, layers, p, function)):
+        for count in range(SHORTENINGS if np.any(first != last) else 0):
+            trial = _follow(problem, path, duration, layers, p, function)
+            if not kept(trial):
+                # What the controls do not keep is lengthened below by as much as they need.
+                duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
                 break
-            duration = shorter
+            if SHORTER * duration < problem.horizon.lower:
+                break
+            duration *= SHORTER
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
         used = _use(guess.u, low, high)
