@@ -182,7 +182,7 @@ def remarks(solutions: list[Solution]) -> list[str]:
     """Return what is worth saying of a solved problem: a duration at its limit, controls beyond theirs."""
     found = []
     for solution in solutions:
-        found += _between_points(solution)
+        found += between_points(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
             found.append(
@@ -192,7 +192,7 @@ def remarks(solutions: list[Solution]) -> list[str]:
     return found
 
 
-def _between_points(solution: Solution) -> list[str]:
+def between_points(solution: Solution) -> list[str]:
     """Say where a collocated control leaves its limits between the points, if by a noticeable share of its range."""
     if solution.scheme.control is not Control.COLLOCATED or solution.problem is None or solution.duration <= 0.0:
         return []

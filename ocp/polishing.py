@@ -11,6 +11,7 @@ import numpy as np
 from ocp.arcs import ArcMotion, solve_arcs, undetermined
 from ocp.certificate import Certificate, certify
 from ocp.collocation import Control, Scheme, legendre
+from ocp.diagnosis import between_points
 from ocp.grid import Grid
 from ocp.ipopt import Ipopt
 from ocp.phases import from_solution
@@ -113,10 +114,15 @@ def polish(
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
-                seconds = time.perf_counter() - begun
-                return _polished(problem, limits, solution, tried, scheme, (iterations, seconds))
-            found = tried.motion.answer.cost
-            reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
+                spent = iterations, time.perf_counter() - begun
+                found = _polished(problem, limits, solution, tried, scheme, spent)
+                loose = between_points(found)
+                if not loose:
+                    return found
+                reason = loose[0]
+            else:
+                cost = tried.motion.answer.cost
+                reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
         if reading + 1 == READINGS or time.perf_counter() > until:
             break
         finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,

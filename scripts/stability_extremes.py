@@ -89,7 +89,7 @@ def exact(solution: Solution, optimum: float, tolerance: float, distance: float)
 
 def _coincide() -> Iterable[Figure]:
     for place in (0.0, 1e-6, 1.0, 1e6):
-        found = solve(point_to_point(carriage(), place, place, tau=1.0), grid=GRID)
+        found = solve(point_to_point(carriage(), [place], [place], tau=1.0), grid=GRID)
         yield Figure(found.duration, 0.0, place, note=found.message)
         yield Figure(float("start and goal coincide" not in found.message or not verify(found).ok), 0.0, place)
     for lower in (0.0, 1e-6, 1e-3, 0.05, 10.0):
@@ -101,10 +101,12 @@ def _coincide() -> Iterable[Figure]:
 
 def _ways() -> Iterable[Figure]:
     for way in 10.0 ** np.arange(-9.0, 4.0, 2.0):
-        yield from exact(solve(point_to_point(carriage(), 0.0, way, tau=1.0), grid=GRID), shortest(way, 1.0), LEFT, way)
+        yield from exact(
+            solve(point_to_point(carriage(), [0.0], [way], tau=1.0), grid=GRID), shortest(way, 1.0), LEFT, way
+        )
     for way in 10.0 ** np.arange(-9.0, 0.0, 3.0):  # beside a position of one: rounding is a share of that
         target = (1.0 + way) - 1.0
-        found = solve(point_to_point(carriage(), 1.0, 1.0 + way, tau=1.0), grid=GRID)
+        found = solve(point_to_point(carriage(), [1.0], [1.0 + way], tau=1.0), grid=GRID)
         yield from exact(found, shortest(target, 1.0), LEFT + 1e3 * np.finfo(float).eps / way, way)
 
 
@@ -135,7 +137,7 @@ def _balance() -> Iterable[Figure]:
     for excess in 10.0 ** -np.arange(1.0, 7.0):
         force = WEIGHT * (1.0 + excess)
         optimum = shortest(0.6, force, MASS, WEIGHT)
-        task = point_to_point(carriage(MASS, WEIGHT), 0.0, 0.6, tau=force)
+        task = point_to_point(carriage(MASS, WEIGHT), [0.0], [0.6], tau=force)
         graded = solve(task, grid=GRADED)
         # The least acceleration is a difference of forces, and so is its rounding.
         yield from exact(polish(graded), optimum, POLISHED + 1e3 * np.finfo(float).eps / excess, excess)
@@ -156,14 +158,16 @@ def _weaker() -> Iterable[Figure]:
 
 def _limits() -> Iterable[Figure]:
     for limit in 10.0 ** np.arange(-9.0, 10.0, 3.0):
-        found = solve(point_to_point(carriage(), 0.0, 1.0, tau=limit), grid=GRID)
+        found = solve(point_to_point(carriage(), [0.0], [1.0], tau=limit), grid=GRID)
         yield from exact(found, shortest(1.0, limit), LEFT, limit)
     for limit in 10.0 ** np.arange(3.0, 10.0, 3.0):
-        for kind in ("q", "v"):
-            found = solve(point_to_point(carriage(), 0.0, 1.0, tau=1.0, **{kind: limit}), grid=GRID)
-            yield from exact(found, 2.0, LEFT, limit)
-    boundless = {"q": np.inf, "v": np.inf}
-    yield from exact(solve(point_to_point(carriage(), 0.0, 1.0, tau=1.0, **boundless), grid=GRID), 2.0, LEFT, np.inf)
+        for task in (
+            point_to_point(carriage(), [0.0], [1.0], tau=1.0, q=limit),
+            point_to_point(carriage(), [0.0], [1.0], tau=1.0, v=limit),
+        ):
+            yield from exact(solve(task, grid=GRID), 2.0, LEFT, limit)
+    boundless = point_to_point(carriage(), [0.0], [1.0], tau=1.0, q=np.inf, v=np.inf)
+    yield from exact(solve(boundless, grid=GRID), 2.0, LEFT, np.inf)
 
 
 def _idle() -> Iterable[Figure]:
@@ -180,7 +184,7 @@ def _effort() -> Iterable[Figure]:
     for limit in (10.0, 1e3, 1e6, 1e9, np.inf):
         system = carriage()
         task = point_to_point(
-            system, 0.0, 1.0, tau=limit, horizon=Fixed(1.0), minimise=Bolza(running=system["tau"] ** 2)
+            system, [0.0], [1.0], tau=limit, horizon=Fixed(1.0), minimise=Bolza(running=system["tau"] ** 2)
         )
         found = solve(task, grid=uniform(40))
         # Constants on n elements in place of a line cost 12 / n^2 more.
@@ -195,7 +199,7 @@ def _powerless() -> Iterable[Figure]:
         (lift(0.6, 0.0), "the drive that lifts"),
         (lift(0.6, 900.0, (0.0, 300.0)), "a drive at rest"),
         (lift(0.6, 900.0, (0.0, 0.0)), "all others at rest"),
-        (point_to_point(carriage(), 0.0, 1.0, tau=0.0), "the only one"),
+        (point_to_point(carriage(), [0.0], [1.0], tau=0.0), "the only one"),
     ):
         found = solve(task, grid=uniform(10), guess=None, solver=Ipopt(max_iter=100))
         figure = ended(found, 0.0)
@@ -203,7 +207,9 @@ def _powerless() -> Iterable[Figure]:
 
 
 def _at_limits() -> Iterable[Figure]:
-    yield from exact(solve(point_to_point(carriage(), 0.0, 1.0, tau=1.0, q=([0.0], [1.0])), grid=GRID), 2.0, LEFT, 0.0)
+    yield from exact(
+        solve(point_to_point(carriage(), [0.0], [1.0], tau=1.0, q=([0.0], [1.0])), grid=GRID), 2.0, LEFT, 0.0
+    )
     system = carriage()
     moving = (start(system["q"], 0.0), start(system["v"], 1.0), end(system["q"], 1.0), end(system["v"], 0.0))
     for slack in (0.0, 1e-9, 1e-6, 1e-3, 1.0):
