@@ -41,8 +41,8 @@ def _sizes() -> Iterable[Figure]:
     task, load = point_to_point(carriage(), [0.0], [1.0], tau=1.0), lift(0.6, FORCE)
     for count in (1, 2, 3, 4, 10, 100):
         brief = Ipopt(max_iter=100)
-        yield ended(solve(task, grid=uniform(count), solver=brief, guess=None), count)
-        yield ended(solve(load, grid=uniform(count), solver=brief, guess=None), count)
+        yield ended(solve(task, grid=uniform(count), solver=brief), count, 2.0)
+        yield ended(solve(load, grid=uniform(count), solver=brief), count, shortest(0.6, FORCE, MASS, WEIGHT))
     for count in (2, 20, 200):
         yield from exact(solve(task, grid=uniform(count)), 2.0, LEFT * max(1.0, count / 20), count)
 
@@ -81,8 +81,8 @@ def _tolerances() -> Iterable[Figure]:
         found = solve(task, grid=uniform(20), solver=Ipopt(tol=tol))
         yield from exact(found, 2.0, 20 * 10 * tol + 1e3 * np.finfo(float).eps, tol)
     for tol in (1e-3, 1e-16, 1e-18):
-        found = solve(task, grid=uniform(20), solver=Ipopt(tol=tol, max_iter=100), guess=None)
-        yield ended(found, tol)
+        found = solve(task, grid=uniform(20), solver=Ipopt(tol=tol, max_iter=100))
+        yield ended(found, tol, 2.0)
         named = found.ok or tol > 1e-13 or "below rounding" in found.message
         yield Figure(float(not named), 0.0, tol, note=found.message)
 
