@@ -16,8 +16,7 @@ from ocp.system import slopes as slopes_of
 Array = np.ndarray
 NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
 COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
-RESTING = 0.1  # share of the largest range with its unit that a state is expected to have at least
-OFFSET = 1e-5  # share of its value that a state is resolved to, the smaller the nearer to rounding
+OFFSET, STILL = 1e-5, 1e-12  # share of its value that a moving state is resolved to, and below which it rests
 IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
 LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
 
@@ -77,8 +76,10 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
         free: (nf,) numbers of the parameters that are unknowns.
     """
     system = problem.system
-    # A motion that is small beside the values of its states is resolved as far as rounding allows.
-    travelled = np.max(np.maximum(np.abs(guess.x - guess.x[0]), OFFSET * np.abs(guess.x)), axis=0, initial=0.0)
+    # A motion that is small beside the values of its states is resolved as far as rounding allows; one at rest has
+    # no size but its place.
+    ranges, value = (np.max(np.abs(x), axis=0, initial=0.0) for x in (guess.x - guess.x[0], guess.x))
+    travelled = np.where(ranges > STILL * value, np.maximum(ranges, OFFSET * value), value)
     limited = magnitude(problem, system.x)
     p = ca.DM(list(values))
     function = slopes_of(system)
@@ -97,9 +98,6 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     guessed = np.max(np.abs(guess.u), axis=0, initial=0.0)
     used = _control_size(guessed, needed, slopes)
     used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
-    # What rests in the guess may have to move as others do, in proportion to where it is.
-    value = np.max(np.abs(guess.x), axis=0, initial=0.0)
-    travelled = np.maximum(travelled, np.minimum(RESTING * _largest_alike(travelled, units), value))
     most = np.maximum(guessed, _control_size(0.0 * guessed, _largest_alike(travelled, units) / guess.duration, slopes))
     u = magnitude(problem, system.u)
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
