@@ -26,6 +26,7 @@ NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
 SHRUNK = 1e-9  # of the guessed duration
 MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
 NAMED = 3  # findings listed at most
+FEW = 3  # values of a control below which a motion may be impossible
 ROUNDING = 1e-9  # share of what a value is made of
 
 
@@ -168,6 +169,8 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         found += _worst(solution, phase)
     found.sort(key=lambda pair: -pair[0])
     sentences = [words for _, words in found[:NAMED]]
+    if min(len(s.controls) * s.controls.shape[1] for s in solutions) < FEW:
+        sentences.append("so few values of each control hardly lead anywhere; try a grid of ten elements or more")
     if status is Status.LIMIT:
         sentences += [words for solution in solutions for words in _shrinking(solution)]
     problems = [solution.problem for solution in solutions if solution.problem is not None]

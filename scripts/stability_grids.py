@@ -163,7 +163,7 @@ def _found() -> Iterable[Figure]:
 CASES: tuple[Case, ...] = (
     Case("grids", "1 to 200 elements", "t_f, relative, or named", "elements", _sizes, fast=False),
     Case("grids", "5000 elements", "t_f, relative", "elements", _thousands, fast=False),
-    Case("grids", "60 % of the elements in a small share of the time", "t_f, relative", "share", _crowded),
+    Case("grids", "60 % of the elements in a small share of the time", "t_f, relative", "share", _crowded, fast=False),
     Case("grids", "tolerances to rounding", "t_f, relative, or named", "tolerance", _tolerances),
     Case("extremes", "singular arc", "cost, relative", "size", _singular, fast=False),
     Case("extremes", "infinitely many switches", "verified or named", "size", _chattering),

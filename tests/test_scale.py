@@ -161,6 +161,24 @@ def test_a_tolerance_below_rounding_and_a_drive_without_limits_are_named() -> No
     assert "without limits" in endless.message
 
 
+def test_a_grid_too_coarse_for_any_motion_is_named() -> None:
+    solution = solve(point_to_point(carriage(), 0.0, 1.0, tau=1.0), grid=uniform(1))
+    assert not solution.ok
+    assert "try a grid of ten elements or more" in solution.message
+
+
+def test_polish_refuses_a_control_beyond_its_limits_between_points() -> None:
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    system = System(x, u, ca.SX(0, 1), u, {"q": x, "tau": u}, {})
+    least = Problem(system, Fixed(3.0), Bolza(running=x**2), (start(x, 1.0), along(u, -1.0, 1.0)))
+    coarse = solve(least, grid=uniform(31))
+    polished = polish(coarse)
+    assert polished.structure is None
+    assert "leaves its limits between the collocation points" in polished.message
+    assert polished.cost == coarse.cost >= 1.0 / 3.0
+    assert verify(polished).ok
+
+
 def test_scales_of_cost_and_limits_are_powers_of_two() -> None:
     scaling = prepare(around(1e-3, 1e3), grid=GRID).compound.programmes[0].scaling
     for size in (scaling.cost, *np.concatenate(scaling.limits)):
