@@ -117,11 +117,10 @@ def solve_arcs(
         )
         setup = time.perf_counter() - begun
     else:
-        solver = build(programme.nlp, programme.derivatives, settings, warm=False)
+        solver = build(programme.nlp, programme.derivatives, settings, False, (scaling.cost, programme.sizes))
         setup = time.perf_counter() - begun
         sides = low, high, rows_low, rows_high
-        sizes = scaling.cost, programme.sizes
-        answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), sides, sizes)
+        answer = run(solver, np.clip(z0, low, high), np.append(numbers, widths), sides)
     layout = programme.layout
     found = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
     done = tuple(replace(a, duration=float(t)) for a, t in zip(arcs, found, strict=True))

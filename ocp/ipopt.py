@@ -112,26 +112,56 @@ class Solver:
 
     function: ca.Function
     watch: Watch
+    cost: float = 1.0  # what the cost is divided by
+    rows: Array = field(default_factory=lambda: np.ones(1))  # (ng,) what the rows are divided by
 
 
-def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool) -> Solver:
-    """Return the solver of a programme.
+def build(
+    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool,
+    sizes: tuple[float, Array],
+) -> Solver:  # fmt: skip
+    """Return the solver of a programme, which sees cost and rows divided by their sizes.
 
     Raises:
         ValueError: IPOPT does not know an option in `extra`.
     """
+    cost, rows = sizes
+    nlp, derivatives = _divided(nlp, derivatives, cost, rows)
     options = settings.options(warm) | dict(derivatives)
     shown = settings.progress if settings.progress is not None else sys.stderr.isatty()
     watch = Watch(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel(), shown)
     options["iteration_callback"] = watch
     try:
-        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch)
+        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch, cost, rows)
     except RuntimeError as error:
         raise ValueError(f"Ipopt: IPOPT refuses its options {dict(settings.extra)}: {error}") from None
 
 
+def _divided(
+    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], cost: float, rows: Array
+) -> tuple[Mapping[str, ca.MX], Mapping[str, ca.Function]]:
+    """Return a programme and its derivatives with the cost and the rows divided by their sizes."""
+    if cost == 1.0 and np.all(rows == 1.0):
+        return nlp, derivatives
+    z, s, by = nlp["x"], nlp["p"], ca.DM(1.0 / rows)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(rows))
+    f, slope = derivatives["grad_f"](z, s)
+    g, jacobian = derivatives["jac_g"](z, s)
+    own = np.array(jacobian.sparsity().row(), dtype=int)
+    jacobian = ca.sparsity_cast(ca.vec(jacobian.nz[:]) * ca.DM(1.0 / rows[own]), jacobian.sparsity())
+    hessian = derivatives["hess_lag"](z, s, lam_f / cost, lam_g * by)
+    divided = {
+        "grad_f": ca.Function("nlp_grad_f", [z, s], [f / cost, slope / cost], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("nlp_jac_g", [z, s], [g * by, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+        ),
+    }
+    return {**nlp, "f": nlp["f"] / cost, "g": nlp["g"] * by}, divided
+
+
 def run(
-    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array], sizes: tuple[float, Array],
+    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
     duals: tuple[Array, Array] | None = None,
 ) -> Answer:  # fmt: skip
     """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises.
@@ -139,7 +169,7 @@ def run(
     The programme sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
     """
     begun = time.perf_counter()
-    size, rows = sizes
+    size, rows = solver.cost, solver.rows
     low, high, rows_low, rows_high = bounds[0], bounds[1], bounds[2] / rows, bounds[3] / rows
     first = {} if duals is None else {"lam_x0": duals[0] / size, "lam_g0": duals[1] * rows / size}
     try:

@@ -24,7 +24,7 @@ Array = np.ndarray
 class Programme:
     """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
 
-    f is the cost divided by scaling.cost, g the rows divided by sizes; bounds and multipliers are physical ones.
+    The solver sees f divided by scaling.cost and g divided by sizes.
     """
 
     problem: Problem
@@ -42,7 +42,7 @@ class Programme:
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
     conditions: tuple[Array, ...] = ()  # for each condition of a division (elements, places, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
-    sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) that the rows of g are divided by
+    sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g
 
     @property
     def rows(self) -> int:
@@ -51,7 +51,7 @@ class Programme:
 
 
 def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
-    """Return lower and upper bounds of the scaled unknowns and the physical rows, (nz,), (nz,), (ng,), (ng,)."""
+    """Return lower and upper bounds of the scaled unknowns and the rows, (nz,), (nz,), (ng,), (ng,)."""
     problem, layout, scaling = programme.problem, programme.layout, programme.scaling
     system = problem.system
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)

@@ -124,7 +124,7 @@ class Compound:
 
     @property
     def sizes(self) -> tuple[float, Array]:
-        """What cost and rows are divided by; multipliers of the rows that tie the phases stay scaled."""
+        """What the solver divides cost and rows by; the rows that tie the phases are divided already."""
         return self.programmes[0].scaling.cost, np.concatenate(
             [*(p.sizes for p in self.programmes), np.ones(self.links)]
         )

@@ -153,11 +153,15 @@ class Prepared:
         settings = self.settings
         if duals is not None:
             settings = replace(settings, extra={**CONTINUED, **settings.extra})
-        chosen = build(self.compound.nlp, self.compound.derivatives, settings, warm=True) if warm else self.cold
+        chosen = (
+            build(self.compound.nlp, self.compound.derivatives, settings, True, self.compound.sizes)
+            if warm
+            else self.cold
+        )
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
         sides = low, high, rows[0], rows[1]
-        answer = run(chosen, z0, np.concatenate(parameters), sides, self.compound.sizes, duals)
+        answer = run(chosen, z0, np.concatenate(parameters), sides, duals)
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
@@ -241,7 +245,7 @@ def prepare(
     sides = sequence.sides if sequence else ()
     linked = [sizes(side, *part, own) for (side, _), part, own in zip(sides, parts, scalings, strict=False)]
     compound = join(tuple(programmes), sequence, linked)
-    cold = build(compound.nlp, compound.derivatives, solver, warm=False)
+    cold = build(compound.nlp, compound.derivatives, solver, False, compound.sizes)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
 

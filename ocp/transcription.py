@@ -7,7 +7,7 @@ on the grid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -68,10 +68,7 @@ def transcribe(
     if division.total is not None:
         blocks.append((_total(layout, scaling), []))
         sizes.append(np.full(1, scaling.horizon))
-    divided = [
-        (_divided(b, np.append(own, scaling.cost)), given) for (b, given), own in zip(blocks, sizes, strict=True)
-    ]
-    nlp, derivatives = assemble(divided, ca.MX.sym("z", layout.size), s)
+    nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
@@ -85,12 +82,6 @@ def transcribe(
         chosen, counts[-1] + np.arange(int(division.total is not None)),
         np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
-
-
-def _divided(local: Local, sizes: Array) -> Local:
-    """Return a local function with its rows and its cost divided by sizes (m + 1,)."""
-    by = sizes[:, None]
-    return replace(local, linear=local.linear / by, terms=[(outer / by, inner) for outer, inner in local.terms])
 
 
 @dataclass(frozen=True, eq=False)
