@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
 from models import catalogue
 from models.document import SceneError, Table, describe, is_angle, spellings
 from models.manipulator import Manipulator
-from models.parameters import unit_of
+from models.parameters import Parameter, unit_of
 from models.scene import Scene
 from models.terms import Effect, gather
 from ocp.system import Label
@@ -18,17 +18,18 @@ from ocp.system import Label
 KEYS = ("machine", "form", "frame", "parameters", "effects")
 
 
-def read_scene(document: Table) -> Scene:
+def read_scene(document: Table, symbols: Collection[str] = ()) -> Scene:
     """Return the scene of a document; its other tables, such as those of the task, are left to others.
 
     Args:
         document: made by `read_document` or `parse`.
+        symbols: keys of single numbers that stay symbols, as in "parameters.m_3" or "effects.payload.mass".
 
     Raises:
         SceneError: a wrong name, number or combination; the message names file, line and key.
     """
     machines, forms = catalogue.machines(), catalogue.forms()
-    machine = _machine(machines[document.text("machine", machines)], document.table("parameters"))
+    machine = _machine(machines[document.text("machine", machines)], document.table("parameters"), symbols)
     form = forms[document.text("form", forms, "canonical")]
     frame = document.entries.get("frame", "regular")
     if not isinstance(frame, str):
@@ -37,14 +38,14 @@ def read_scene(document: Table) -> Scene:
         machine.frame(frame)
     except ValueError as error:
         raise document.error("frame", str(error)) from None
-    effects = _effects(machine, document.table("effects"))
+    effects = _effects(machine, document.table("effects"), symbols)
     try:
         return Scene(machine, effects, form, frame)
     except (ValueError, TypeError) as error:
         raise _placed(document.table("effects"), error) from None
 
 
-def _machine(make: Callable[..., Manipulator], table: Table) -> Manipulator:
+def _machine(make: Callable[..., Manipulator], table: Table, symbols: Collection[str]) -> Manipulator:
     known = inspect.signature(make).parameters
     table.only(known)
     given: dict[str, object] = {}
@@ -52,21 +53,21 @@ def _machine(make: Callable[..., Manipulator], table: Table) -> Manipulator:
         if isinstance(known[name].default, bool):
             given[name] = _truth(table, name)
         else:
-            given[name] = table.finite(name, value, unit_of(name))
+            given[name] = _symbol(table.finite(name, value, unit_of(name)), table.full(name), symbols)
     try:
         return make(**given)
     except (ValueError, TypeError) as error:
         raise _placed(table, error) from None
 
 
-def _effects(machine: Manipulator, table: Table) -> tuple[Effect, ...]:
+def _effects(machine: Manipulator, table: Table, symbols: Collection[str]) -> tuple[Effect, ...]:
     known = catalogue.effects()
     table.only(known)
     made: list[Effect] = []
     for name in table.entries:
         inner = table.table(name)
         try:
-            made.append(_effect(known[name], machine, inner))
+            made.append(_effect(known[name], machine, inner, symbols))
             gather(machine, made)
         except SceneError:
             raise
@@ -75,19 +76,23 @@ def _effects(machine: Manipulator, table: Table) -> tuple[Effect, ...]:
     return tuple(made)
 
 
-def _effect(kind: type, machine: Manipulator, table: Table) -> Effect:
+def _effect(kind: type, machine: Manipulator, table: Table, symbols: Collection[str]) -> Effect:
     parts = {field.name: components(field, machine) for field in fields(kind)}
     degrees = [f"{name}_deg" for name, labels in parts.items() if any(is_angle(label.unit) for label in labels)]
     table.only([*parts, *degrees])
     given: dict[str, Any] = {}
     for field in fields(kind):
         if table.has(field.name):
-            given[field.name] = _value(field, parts[field.name], table)
+            given[field.name] = _symbol(_value(field, parts[field.name], table), table.full(field.name), symbols)
         elif field.default is MISSING and field.default_factory is MISSING:
             unit = field.metadata.get("unit", "")
             raise table.error("", f"the key {field.name!r} is missing{f', in {unit}' if unit else ''}")
     made: Effect = kind(**given)
     return made
+
+
+def _symbol(value: Any, key: str, symbols: Collection[str]) -> Any:
+    return Parameter(value) if key in symbols and isinstance(value, float) else value
 
 
 def components(field: Field[Any], machine: Manipulator) -> tuple[Label, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.compilation import Compilation, Compile
 from ocp.sparse import Entries, sparse_matrix
 
 Array = np.ndarray
@@ -66,9 +67,10 @@ class Local:
             upper += inner.T @ second(inner @ w, *self.inputs, outer.T @ lam) @ inner
         return Derived(w, lam, ca.densify(results), slopes, ca.triu(upper))
 
-    def mapped(self, given: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        """Return expressions in given symbols as a function of all copies."""
-        return ca.Function("local", given, outputs).map(self.copies)
+    @property
+    def empty(self) -> bool:
+        """Whether it has neither rows nor a cost."""
+        return not self.rows and self.values.is_zero() and not self.linear.any()
 
     def everywhere(self, pattern: ca.Sparsity) -> tuple[Array, Array]:
         """Return the numbers of rows and the places of columns of the entries of a local matrix, for all copies."""
@@ -86,46 +88,69 @@ class Derived:
     slopes: ca.SX  # (m + 1, nw) sparse
     upper: ca.SX  # (nw, nw) upper triangle of the Hessian of lam . results, sparse
 
+    def functions(self, inputs: tuple[ca.SX, ...], number: int) -> dict[str, ca.Function]:
+        """Return those that a programme calls, of w and the inputs; none for what is not there.
+
+        IPOPT asks for cost and rows one by one, so they and their slopes are functions of their own.
+        """
+        given, rows, cost = [self.w, *inputs], self.results[:-1], self.results[-1]
+        slope, steepest = _nonzeros(self.slopes[:-1, :]), _nonzeros(self.slopes[-1, :])
+        parts: dict[str, tuple[list[ca.SX], list[ca.SX]]] = {}
+        if rows.numel():
+            parts |= {"rows": (given, [rows]), "slopes": (given, [rows, slope])}
+        if not cost.is_zero():
+            parts |= {"cost": (given, [cost]), "gradient": (given, [cost, steepest])}
+        if self.upper.nnz():
+            parts["curvature"] = ([*given, self.lam], [_nonzeros(self.upper)])
+        return {part: ca.Function(f"{part}_{number}", *both) for part, both in parts.items()}
+
 
 def assemble(
-    blocks: Sequence[tuple[Local, Sequence[ca.MX]]], z: ca.MX, s: ca.MX
-) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
+    blocks: Sequence[tuple[Local, Sequence[ca.MX]]], z: ca.MX, s: ca.MX, translate: Compile | None = None
+) -> tuple[dict[str, ca.MX], dict[str, ca.Function], Compilation | None]:
     """Return cost, rows and their derivative functions of a programme made of local functions.
 
     Args:
         blocks: local functions in the order of their rows, each with its inputs (one column for each copy).
         z: (nz,) unknowns.
         s: parameters of the programme.
+        translate: makes compiled functions of those that stand at more than one place; its answer is returned as well.
     """
+    blocks = [(local, inputs) for local, inputs in blocks if not local.empty]
     starts = np.cumsum([0, *(local.rows * local.copies for local, _ in blocks)]).tolist()
     size, count = z.numel(), starts[-1]
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
     multipliers = ca.vertsplit(lam_g, starts)
     f, f_again, g, g_again = ca.MX(0), ca.MX(0), [ca.MX(0, 1)], [ca.MX(0, 1)]
     gradient, jacobian, hessian = list[Entries](), list[Entries](), list[Entries]()
-    for (local, inputs), start, multiplier in zip(blocks, starts, multipliers, strict=False):
-        if not local.rows and local.values.is_zero() and not local.linear.any():
-            continue
-        here = local.derived()
-        rows, cost, slope, steepest = here.results[:-1], here.results[-1], here.slopes[:-1, :], here.slopes[-1, :]
-        given = [here.w, *local.inputs]
+    derived = [local.derived() for local, _ in blocks]
+    functions = [
+        here.functions(local.inputs, k) for k, ((local, _), here) in enumerate(zip(blocks, derived, strict=True))
+    ]
+    compilation = None
+    if translate is not None:
+        repeated = [(k, part) for k, (local, _) in enumerate(blocks) if local.copies > 1 for part in functions[k]]
+        compilation = translate([functions[k][part] for k, part in repeated])
+        for (k, part), function in zip(repeated, compilation.functions, strict=True):
+            functions[k][part] = function
+    for k, (local, inputs) in enumerate(blocks):
+        here, mapped = derived[k], {part: function.map(local.copies) for part, function in functions[k].items()}
         at = [ca.reshape(z[local.places.T.ravel().tolist()], *local.places.shape), *inputs]
-        # IPOPT asks for cost and rows one by one, so they and their slopes are functions of their own.
-        if local.rows:
-            value, nonzeros = local.mapped(given, [rows, _nonzeros(slope)])(*at)
-            g.append(ca.vec(local.mapped(given, [rows])(*at)))
+        if "rows" in mapped:
+            value, nonzeros = mapped["slopes"](*at)
+            g.append(ca.vec(mapped["rows"](*at)))
             g_again.append(ca.vec(value))
-            row, column = local.everywhere(slope.sparsity())
-            jacobian.append((start + row, column, ca.vec(nonzeros)))
-        if not cost.is_zero():
-            value, nonzeros = local.mapped(given, [cost, _nonzeros(steepest)])(*at)
-            f += ca.sum2(local.mapped(given, [cost])(*at))
+            row, column = local.everywhere(here.slopes[:-1, :].sparsity())
+            jacobian.append((starts[k] + row, column, ca.vec(nonzeros)))
+        if "cost" in mapped:
+            value, nonzeros = mapped["gradient"](*at)
+            f += ca.sum2(mapped["cost"](*at))
             f_again += ca.sum2(value)
-            row, column = local.everywhere(steepest.sparsity())
+            row, column = local.everywhere(here.slopes[-1, :].sparsity())
             gradient.append((column, np.zeros_like(row), ca.vec(nonzeros)))
-        if here.upper.nnz():
-            lam = ca.vertcat(ca.reshape(multiplier, local.rows, local.copies), ca.repmat(lam_f, 1, local.copies))
-            nonzeros = local.mapped([*given, here.lam], [_nonzeros(here.upper)])(*at, lam)
+        if "curvature" in mapped:
+            lam = ca.vertcat(ca.reshape(multipliers[k], local.rows, local.copies), ca.repmat(lam_f, 1, local.copies))
+            nonzeros = mapped["curvature"](*at, lam)
             one, other = (local.places[list(part)].T.ravel() for part in here.upper.sparsity().get_triplet())
             hessian.append((np.minimum(one, other), np.maximum(one, other), ca.vec(nonzeros)))
     g_slopes = [ca.vertcat(*g_again), sparse_matrix(jacobian, (count, size))]
@@ -138,7 +163,7 @@ def assemble(
             "nlp_hess_l", [z, s, lam_f, lam_g], curvature, ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
         ),
     }
-    return {"x": z, "p": s, "f": f, "g": ca.vertcat(*g)}, derivatives
+    return {"x": z, "p": s, "f": f, "g": ca.vertcat(*g)}, derivatives, compilation
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 import numpy as np
 
 Array = np.ndarray
+
+
+@functools.lru_cache(maxsize=64)
+def mapped(function: ca.Function, count: int) -> ca.Function:
+    """Return a function of `count` columns; CasADi forgets its own as soon as nobody holds them.
+
+    Args:
+        function: of one column.
+        count: number of columns.
+    """
+    return function.map(count)
 
 
 class Evaluation:

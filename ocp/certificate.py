@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
-from ocp.arcs import ArcMotion
+from ocp.arcs import ArcMotion, ArcProblem
+from ocp.buffered import mapped
 from ocp.collocation import Scheme
 from ocp.constraint import Where
 from ocp.multipliers import Jump
-from ocp.problem import Problem
-from ocp.statelimit import StateLimit
 from ocp.structure import Contact, Kind
 from ocp.switching import switching_functions
 
 Array = np.ndarray
+GAP = 1e-7  # share of the cost that wrong controls may leave
+EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
 BETWEEN = 16  # places on each element at which state limits are checked
 ROUNDING = 1e-9  # share of the range of a state limit that is no violation
 RELEASED = 1e-4  # share of the cost per range of a limit, below zero, at which holding it counts as wrong
@@ -64,23 +64,25 @@ class Certificate:
     jumps: tuple[Jump, ...]
     released: tuple[tuple[int, Contact], ...]
 
+    @property
+    def sound(self) -> bool:
+        """Whether what is left is rounding."""
+        exceeded = any(crossing.share > EXCESS for crossing in self.crossings)
+        return self.gap <= GAP and not (exceeded or self.jumps or self.released)
 
-def certify(
-    problem: Problem, limits: tuple[StateLimit, ...], motion: ArcMotion, scheme: Scheme, parameters: list[float]
-) -> Certificate:
+
+def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
     """Check the necessary conditions of a motion of given structure.
 
     Args:
-        problem: that it solves.
-        limits: of its states.
+        task: that it solves.
         motion: as solved.
-        scheme: of its elements.
-        parameters: values of all parameters.
 
     Source: Hartl, Sethi, Vickson, A survey of the maximum principles for optimal control problems with state
         constraints, SIAM Review 37, 1995 (direct adjoining).
     """
-    gap, signs = _signs(problem, motion, scheme, parameters)
+    limits, scheme = task.limits, task.scheme
+    gap, signs = _signs(task, motion)
     cost = max(abs(motion.answer.cost), 1e-300)
     sizes = [limit.range / cost for limit in limits]
     # At an upper limit multipliers and jumps are positive, at a lower one negative. Those of a hold are derivatives of
@@ -97,7 +99,7 @@ def certify(
         for p, push in zip(motion.pressures, pushes, strict=True)
         if push * sizes[p.contact.limit] < -RELEASED
     )
-    return Certificate(gap, signs, _crossings(problem, limits, motion, scheme, parameters), jumps, released)
+    return Certificate(gap, signs, _crossings(task, motion), jumps, released)
 
 
 def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
@@ -105,17 +107,39 @@ def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
     return np.asarray(motion.duration * motion.grid.widths[motion.arc == arc][:, None] * scheme.weights)
 
 
-def _signs(
-    problem: Problem, motion: ArcMotion, scheme: Scheme, parameters: list[float]
-) -> tuple[float, tuple[WrongSign, ...]]:
+def complaint(task: ArcProblem, certificate: Certificate) -> str:
+    """Return in words what a certificate finds wrong.
+
+    Args:
+        task: that the motion solves.
+        certificate: of it.
+    """
+    limits, system = task.limits, task.problem.system
+    if certificate.crossings and certificate.crossings[0].share > EXCESS:
+        worst = certificate.crossings[0]
+        label = limits[worst.contact.limit].label
+        return f"{label.name} exceeds its limit by {worst.share:.1e} of its range at {worst.worst:.6g} s"
+    if certificate.jumps or certificate.released:
+        contact = certificate.jumps[0].contact if certificate.jumps else certificate.released[0][1]
+        return f"the multiplier of the limit of {limits[contact.limit].label.name} has the wrong sign"
+    words = f"the switching functions leave a gain of {certificate.gap:.1e} of the cost"
+    if certificate.signs:
+        worst_sign = certificate.signs[0]
+        name = system.label("u", system.u.numel())[worst_sign.control].name
+        words += f", most of it by {name} from {worst_sign.start:.6g} to {worst_sign.end:.6g} s"
+    return words
+
+
+def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign, ...]]:
     """Return the gap and the intervals with a wrong sign, worst first."""
+    problem, scheme = task.problem, task.scheme
     tau = np.concatenate([[0.0], scheme.points[(scheme.points > 0.0) & (scheme.points < 1.0)], [1.0]])
     n, s = len(motion.grid), len(tau)
     x = np.einsum("sm,kma->ksa", scheme.state_at(tau)[:, : len(scheme.nodes)], motion.states).reshape(n * s, -1)
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     costates = np.einsum("sm,kma->ksa", scheme.costate_at(tau), motion.costates).reshape(n * s, -1)
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    found = switching_functions(problem, x, np.clip(u, low, high), costates, parameters)
+    found = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
     gains = np.where(np.abs(found.shares) > SIGNIFICANT, found.gains, 0.0)
     seconds = motion.duration * motion.grid.widths
     t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
@@ -139,22 +163,17 @@ def _signs(
     return total, tuple(sorted(wrong, key=lambda w: -w.gain))
 
 
-def _crossings(
-    problem: Problem, limits: tuple[StateLimit, ...], motion: ArcMotion, scheme: Scheme, parameters: list[float]
-) -> tuple[Crossing, ...]:
+def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
     """Return where limits are exceeded between nodes."""
+    limits, scheme = task.limits, task.scheme
     if not limits:
         return ()
-    system = problem.system
     tau = np.linspace(0.0, 1.0, BETWEEN + 1)
     n, s = len(motion.grid), len(tau)
     x = np.einsum("sm,kma->ksa", scheme.state_at(tau)[:, : len(scheme.nodes)], motion.states).reshape(n * s, -1)
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     t = (motion.duration * (motion.grid.ends[:-1, None] + motion.grid.widths[:, None] * tau)).ravel()
-    function = ca.Function(
-        "limits", [system.x, system.u, system.p], [ca.vertcat(*(limit.chain[0] for limit in limits))]
-    )
-    values = np.array(function.map(len(t))(x.T, u.T, np.tile(np.array(parameters)[:, None], len(t))))
+    values = np.array(mapped(task.levels, len(t))(x.T, u.T, np.tile(motion.parameters[:, None], len(t))))
     found: list[Crossing] = []
     for number, limit in enumerate(limits):
         for side in (-1, 1):

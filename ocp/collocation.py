@@ -11,6 +11,8 @@ import numpy as np
 from numpy.polynomial import legendre as polynomials
 
 Array = np.ndarray
+Matrix = Callable[[Array, Array], Array]  # of a polynomial through nodes, at places
+FEW = 64  # places at which matrices are kept
 
 
 class Control(Enum):
@@ -177,6 +179,21 @@ def integration_matrix(points: Array) -> Array:
     return np.array(rows)
 
 
+def _kept(matrix: Matrix) -> Matrix:
+    """Return a matrix function that remembers its values at few places: the same ones are asked for all the time."""
+
+    @functools.lru_cache(maxsize=128)
+    def known(nodes: bytes, tau: bytes) -> Array:
+        return matrix(np.frombuffer(nodes), np.frombuffer(tau))
+
+    @functools.wraps(matrix)
+    def found(nodes: Array, tau: Array) -> Array:
+        return known(nodes.tobytes(), tau.tobytes()).copy() if len(tau) <= FEW else matrix(nodes, tau)
+
+    return found
+
+
+@_kept
 def lagrange_matrix(nodes: Array, tau: Array) -> Array:
     """Return l_m(tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
     columns = []
@@ -186,6 +203,7 @@ def lagrange_matrix(nodes: Array, tau: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
+@_kept
 def slope_matrix(nodes: Array, tau: Array) -> Array:
     """Return dl_m/dtau (tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
     matrix = np.zeros((len(tau), len(nodes)))

@@ -12,18 +12,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """expression = value at places of chosen elements.
+    """A condition on an expression at places of chosen elements; what it must be is for the bounds of the rows.
 
     Args:
         expression: (m,) in x, u, p of the system.
-        value: (m,).
         size: (m,) magnitudes; the rows of the programme are divided by them.
         elements: (e,) numbers of the elements.
         tau: places on each of them.
     """
 
     expression: ca.SX
-    value: Array
     size: Array
     elements: Array
     tau: tuple[float, ...]
@@ -62,13 +60,13 @@ class Division:
     Args:
         arc: (N,) number of the arc of each element, increasing from 0.
         conditions: that hold at chosen places.
-        total: sum of all durations [s], or None if it is free.
+        total: whether the sum of all durations is a row, to be given or limited by its bounds.
         near: prices for leaving references.
     """
 
     arc: Array
     conditions: tuple[Condition, ...] = ()
-    total: float | None = None
+    total: bool = False
     near: tuple[Near, ...] = ()
 
     @property

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.collocation import lagrange_matrix, slope_matrix
 from ocp.division import Condition
 from ocp.grid import Grid
 from ocp.ipopt import Answer
-from ocp.problem import Problem
 from ocp.programme import Programme
 from ocp.statelimit import StateLimit
 from ocp.structure import Contact
@@ -45,10 +45,18 @@ class Tie:
     arc: int
     contact: Contact
     along: bool
+    gradients: ca.Function  # (x, u, p) -> grad c, grad c', ..., grad c^(r - 1) of the limit
+
+    def value(self, limits: tuple[StateLimit, ...]) -> Array:
+        """Return what the expression of the condition (m,) must be."""
+        limit, value = limits[self.contact.limit], np.zeros(self.condition.expression.numel())
+        if not (self.along and limit.order):
+            value[0] = limit.at(self.contact.side)
+        return value
 
 
 def adjoin_directly(
-    problem: Problem, limits: tuple[StateLimit, ...], ties: list[Tie], programme: Programme, answer: Answer,
+    limits: tuple[StateLimit, ...], ties: tuple[Tie, ...], programme: Programme, answer: Answer,
     motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
 ) -> tuple[tuple[Pressure, ...], tuple[Jump, ...]]:  # fmt: skip
     """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.
@@ -57,7 +65,7 @@ def adjoin_directly(
 
     with the multiplier mu of c^(r) = 0; eta >= 0 and jumps >= 0 at an upper limit of an optimal motion.
     """
-    system, scheme = problem.system, programme.scheme
+    scheme = programme.scheme
     states, controls, costates = motion
     seconds = grid.widths * sum(answer.z[programme.layout.horizon]) * programme.scaling.horizon
     at_points = list(scheme.at)
@@ -66,6 +74,7 @@ def adjoin_directly(
     entering: dict[tuple[int, Contact], float] = {}
     leaving: dict[tuple[int, Contact], float] = {}
     edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
+    slopes = slope_matrix(scheme.points, scheme.points).T
     for tie, rows in zip(ties, programme.conditions, strict=True):
         limit, own = limits[tie.contact.limit], tie.condition.elements
         if not tie.along:
@@ -74,12 +83,10 @@ def adjoin_directly(
         raw = answer.multipliers[rows[:, :, 0]]
         rates = [raw / tie.condition.size[0] / (scheme.weights * h)]
         for _ in range(limit.order):
-            rates.append(rates[-1] @ slope_matrix(scheme.points, scheme.points).T / h)
-        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
+            rates.append(rates[-1] @ slopes / h)
         if limit.order:
-            function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
             x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
-            found = function.map(len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
+            found = mapped(tie.gradients, len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
             for k in range(limit.order):
                 gradient = np.array(found[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
                 costates[own] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[own].shape)

@@ -102,24 +102,3 @@ def chain(
         there = replace(phase, subject_to=(*phase.subject_to, start(after, np.array(reached).ravel())))
         guesses.append(make(there, values[k + 1]))
     return guesses
-
-
-def same_structure(old: Problem, new: Problem) -> Problem:
-    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
-    same = (
-        new.system is old.system
-        and type(new.horizon) is type(old.horizon)
-        and new.minimise is old.minimise
-        and len(new.subject_to) == len(old.subject_to)
-        and all(
-            a.where is b.where
-            and a.expression.shape == b.expression.shape
-            and ca.is_equal(a.expression, b.expression, 10)
-            for a, b in zip(old.subject_to, new.subject_to, strict=True)
-        )
-    )
-    if not same:
-        raise ValueError(
-            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
-        )
-    return new

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs import ArcMotion, solve_arcs, undetermined
-from ocp.certificate import Certificate, certify
+from ocp.arcprogramme import ArcProgramme, prepare_arcs
+from ocp.arcs import ArcMotion, ArcProblem, arc_problem
+from ocp.certificate import Certificate, certify, complaint
 from ocp.collocation import Control, Scheme, legendre
 from ocp.diagnosis import between_points
 from ocp.grid import Grid
@@ -20,21 +21,21 @@ from ocp.reading import contacts, read
 from ocp.revision import revise, swapped, without_shortest_hold, without_vanished
 from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
-from ocp.statelimit import StateLimit, state_limits
-from ocp.structure import Arc, Kind, tabulate
+from ocp.statelimit import StateLimit
+from ocp.structure import durations, elements_of, key_of, tabulate
 from ocp.switching import switching_functions
 
 Array = np.ndarray
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
-PER_MOTION = 16  # elements of the whole motion at first, at least one for each arc
 DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
 REVISIONS = 16  # structures tried for one reading
 FAILURES = 2  # structures that lead nowhere, tried for one reading
+PUSHED = 1e-4  # of scaled unknowns, by limits that are near
 READINGS = 3  # the second and third after refining the grid where the structure is in doubt
-PATIENCE = 5.0, 1.0  # times the seconds of the given solve, plus so many; no further structure is tried after that
-GAP = 1e-7  # share of the cost that wrong controls may leave
-EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
+# No further structure is tried after that much work, 5 times that of the given solve and so much more. Work is counted
+# in iterations at one collocation point, not in seconds, so that a busy machine finds the same.
+PATIENCE = 5.0, 25000
 WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
 PROXIMAL, PRICE = 8, 1e-11  # steps until their price is this share of the cost
 
@@ -47,6 +48,7 @@ class _Try:
     certificate: Certificate | None
     reason: str
     iterations: int
+    work: float
 
 
 def polish(
@@ -60,6 +62,8 @@ def polish(
     vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded,
     and arcs inserted where a switching function has the wrong sign, until nothing is wrong. Where the structure is in
     doubt, the grid is refined there and read again.
+    Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
+    the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
     Interior arcs of controls that enter the Hamiltonian linearly are singular: a price on the distance from the last
     iterate keeps them from chattering and is iterated away (proximal point); what is left of it is in the message.
@@ -99,7 +103,8 @@ def polish(
         return _unpolished(solution, "it is not a solved one")
     if solution.duration <= 0.0:
         return _unpolished(solution, "it has no duration")
-    limits = state_limits(problem)
+    task = arc_problem(problem, scheme, solution.values)
+    limits = task.limits
     together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
     for hold in contacts(problem, solution, limits)[0] if together else []:
         if limits[hold.contact.limit] in together:
@@ -107,15 +112,15 @@ def polish(
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed = solution.cost + _doubt(problem, solution)
     coarse, reason, iterations = solution, "", 0
-    until = begun + PATIENCE[0] * solution.timings.total + PATIENCE[1]
+    left = PATIENCE[0] * _work(solution) + PATIENCE[1]
     for reading in range(READINGS):
-        tried = _settle(problem, limits, coarse, scheme, settings, until)
-        iterations += tried.iterations
+        tried = _settle(task, coarse, settings, left)
+        iterations, left = iterations + tried.iterations, left - tried.work
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
                 spent = iterations, time.perf_counter() - begun
-                found = _polished(problem, limits, solution, tried, scheme, spent)
+                found = _polished(task, solution, tried, spent)
                 loose = between_points(found)
                 if not loose:
                     return found
@@ -123,15 +128,19 @@ def polish(
             else:
                 cost = tried.motion.answer.cost
                 reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
-        if reading + 1 == READINGS or time.perf_counter() > until:
+        if reading + 1 == READINGS or left <= 0.0:
             break
         finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
                       solution.values)  # fmt: skip
-        iterations += finer.iterations
+        iterations, left = iterations + finer.iterations, left - _work(finer)
         if not finer.ok:
             break
         coarse = finer
     return _unpolished(solution, reason)
+
+
+def _work(solution: Solution) -> float:
+    return float(solution.iterations * len(solution.grid) * solution.scheme.degree)
 
 
 def _couples(problem: Problem, limit: StateLimit) -> bool:
@@ -139,41 +148,37 @@ def _couples(problem: Problem, limit: StateLimit) -> bool:
     return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
 
 
-def _settle(
-    problem: Problem, limits: tuple[StateLimit, ...], coarse: Solution, scheme: Scheme, settings: Ipopt, until: float
-) -> _Try:
+def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Try:
     """Read a structure, solve it and revise it until nothing is wrong."""
-    arcs, guess = read(problem, coarse, limits), from_solution(coarse)
+    arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
-    solves = iterations = level = steps = failures = 0
+    solves = iterations = work = level = steps = failures = 0
     settled: _Try | None = None
-    singular = set(undetermined(problem).tolist())
-    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or time.perf_counter() < until):
-        elements = _elements(arcs, level)
-        loose = any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in singular)
+    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
+        elements = elements_of(arcs, level)
+        loose = task.loose(arcs)
         weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
         begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
-        motion = solve_arcs(problem, limits, arcs, elements, scheme, guess, coarse.values, begin, weight)
+        programme = prepare_arcs(task, arcs, elements, guess, begin, weight)
+        motion = programme.solve(programme.start(guess, durations(arcs)))
         solves, iterations = solves + 1, iterations + motion.answer.iterations
-        seen.add(_key(arcs))
+        work += motion.answer.iterations * sum(elements) * task.scheme.degree
+        seen.add(key_of(arcs))
         if motion.answer.status is not Status.SOLVED:
             if settled is not None:
-                return replace(settled, iterations=iterations)  # only its residual could have been smaller
+                return replace(settled, iterations=iterations, work=work)  # only its residual could have been smaller
             failures += 1
             others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
-            other = next((o for o in others if _key(o) not in seen), None)
+            other = next((o for o in others if key_of(o) not in seen), None)
             if other is not None and failures <= FAILURES:
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
-            return _Try(None, None, words, iterations)
-        parameters = _parameters(problem, coarse, motion)
-        certificate = certify(problem, limits, motion, scheme, parameters)
-        solution = _as_solution(problem, coarse, motion, scheme, parameters)
-        sound = certificate.gap <= GAP and all(c.share <= EXCESS for c in certificate.crossings)
-        sound = sound and not certificate.jumps and not certificate.released
-        revised = revise(motion, certificate, limits)
-        if (not sound or len(revised) < len(motion.arcs)) and _key(revised) not in seen:
+            return _Try(None, None, words, iterations, work)
+        certificate = certify(task, motion)
+        solution, sound = motion.solution(task, coarse), certificate.sound
+        revised = revise(motion, certificate, task.limits)
+        if (not sound or len(revised) < len(motion.arcs)) and key_of(revised) not in seen:
             arcs, guess, steps = revised, from_solution(solution), 0
             continue
         regularised = motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL
@@ -182,43 +187,35 @@ def _settle(
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
         if not sound and level >= 1:
-            return _Try(None, None, _what(problem, limits, certificate), iterations)
-        settled = _Try(motion, certificate, "", iterations) if sound else None
+            return _Try(None, None, complaint(task, certificate), iterations, work)
+        settled = _Try(motion, certificate, "", iterations, work) if sound else None
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(motion, certificate, "", iterations)
-    return _Try(None, None, "the structure does not settle", iterations)
+        return _Try(*_finished(programme, motion, certificate), "", iterations, work)
+    return _Try(None, None, "the structure does not settle", iterations, work)
 
 
-def _key(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
-    return tuple((arc.kinds, arc.held, arc.touched) for arc in arcs)
-
-
-def _elements(arcs: tuple[Arc, ...], level: int) -> tuple[int, ...]:
-    total = sum(arc.duration for arc in arcs)
-    return tuple(max(1, int(np.ceil(PER_MOTION * arc.duration / total))) * 2**level for arc in arcs)
-
-
-def _what(problem: Problem, limits: tuple[StateLimit, ...], certificate: Certificate) -> str:
-    """Return in words what is left wrong."""
-    if certificate.crossings and certificate.crossings[0].share > EXCESS:
-        worst = certificate.crossings[0]
-        label = limits[worst.contact.limit].label
-        return f"{label.name} exceeds its limit by {worst.share:.1e} of its range at {worst.worst:.6g} s"
-    if certificate.jumps or certificate.released:
-        contact = certificate.jumps[0].contact if certificate.jumps else certificate.released[0][1]
-        return f"the multiplier of the limit of {limits[contact.limit].label.name} has the wrong sign"
-    words = f"the switching functions leave a gain of {certificate.gap:.1e} of the cost"
-    if certificate.signs:
-        worst_sign = certificate.signs[0]
-        system = problem.system
-        name = system.label("u", system.u.numel())[worst_sign.control].name
-        words += f", most of it by {name} from {worst_sign.start:.6g} to {worst_sign.end:.6g} s"
-    return words
+def _finished(programme: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+    """Return a motion solved once more as equations, if it is one: limits that it only comes near push it a little."""
+    task, bare = programme.task, programme.unlimited()
+    if bare.equations is None or task.loose(motion.arcs):
+        return motion, certificate
+    better = bare.solve(motion.answer.z)
+    before, after = motion.answer, better.answer
+    moved = np.max(np.abs(after.z - before.z))
+    if after.status is not Status.SOLVED or moved > PUSHED or without_vanished(better.arcs) != better.arcs:
+        return motion, certificate
+    again = certify(task, better)
+    inside, seconds = before.derivatives + after.derivatives, before.seconds + after.seconds
+    answer = replace(
+        before, z=after.z, multipliers=after.multipliers, limits=after.limits, cost=after.cost, derivatives=inside,
+        seconds=seconds,
+    )  # fmt: skip
+    return (replace(better, answer=answer), again) if again.sound else (motion, certificate)
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:
@@ -244,35 +241,12 @@ def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...])
     return Grid(np.append(np.concatenate(marks), 1.0))
 
 
-def _parameters(problem: Problem, coarse: Solution, motion: ArcMotion) -> list[float]:
-    values = {**coarse.values, **dict(zip(coarse.free, motion.free.tolist(), strict=True))}
-    return [values[name] for name in problem.system.nominal]
-
-
-def _as_solution(
-    problem: Problem, coarse: Solution, motion: ArcMotion, scheme: Scheme, parameters: list[float]
-) -> Solution:
-    """Return the motion as a Solution, without structure and seconds."""
-    slopes = np.zeros((len(motion.grid), 0, motion.states.shape[2]))
-    free = dict(zip(coarse.free, motion.free.tolist(), strict=True))
-    values = dict(zip(problem.system.nominal, parameters, strict=True))
-    return replace(
-        coarse, status=motion.answer.status, solver_status=motion.answer.verbatim, duration=motion.duration,
-        cost=motion.answer.cost - motion.price, states=motion.states, controls=motion.controls, slopes=slopes,
-        costates=motion.costates, free=free, values=values, grid=motion.grid, scheme=scheme, problem=problem,
-        rung="polish", log=motion.answer.log, multipliers=None, accuracy=None,
-    )  # fmt: skip
-
-
-def _polished(
-    problem: Problem, limits: tuple[StateLimit, ...], given: Solution, tried: _Try, scheme: Scheme,
-    spent: tuple[int, float],
-) -> Solution:  # fmt: skip
+def _polished(task: ArcProblem, given: Solution, tried: _Try, spent: tuple[int, float]) -> Solution:
     motion, certificate = tried.motion, tried.certificate
     assert motion is not None
     assert certificate is not None
     iterations, seconds = spent
-    found = _as_solution(problem, given, motion, scheme, _parameters(problem, given, motion))
+    found = motion.solution(task, given)
     words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
     residual = float(np.max(found.error))
     if residual > RESIDUAL:
@@ -282,8 +256,8 @@ def _polished(
     inside = motion.answer.derivatives
     timings = Timings(seconds - motion.answer.seconds, inside, motion.answer.seconds - inside, seconds)
     return replace(
-        found, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings,
-        structure=tabulate(problem, limits, motion.arcs),
+        found, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings, rung="polish",
+        structure=tabulate(task.problem, task.limits, motion.arcs),
     )  # fmt: skip
 
 

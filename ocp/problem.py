@@ -162,6 +162,32 @@ class Problem:
         return _limits_of(self, where, symbols)
 
 
+def same_structure(old: Problem, new: Problem) -> Problem:
+    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
+    same = (
+        new.system is old.system
+        and type(new.horizon) is type(old.horizon)
+        and _same_cost(new.minimise, old.minimise)
+        and len(new.subject_to) == len(old.subject_to)
+        and all(
+            a.where is b.where
+            and a.expression.shape == b.expression.shape
+            and ca.is_equal(a.expression, b.expression, 10)
+            for a, b in zip(old.subject_to, new.subject_to, strict=True)
+        )
+    )
+    if not same:
+        raise ValueError(
+            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
+        )
+    return new
+
+
+def _same_cost(one: Bolza, other: Bolza) -> bool:
+    alike = ((one.running, other.running), (one.final, other.final))
+    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))
+
+
 def _positive(name: str, value: float) -> None:
     if isinstance(value, bool | str) or not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
         raise ValueError(f"{name} is {value!r}, expected a number of seconds > 0")

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.collocation import Scheme
+from ocp.compilation import Compilation
 from ocp.constraint import Where
 from ocp.grid import Grid
 from ocp.guess import Guess
@@ -42,6 +43,7 @@ class Programme:
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
     conditions: tuple[Array, ...] = ()  # for each condition of a division (elements, places, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
+    compilation: Compilation | None = None  # of the functions of an element, if asked for
     sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g
 
     @property

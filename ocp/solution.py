@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.collocation import Scheme
 from ocp.grid import Grid
 from ocp.problem import Problem
 from ocp.structure import Structure
+from ocp.system import rates
 
 if TYPE_CHECKING:
     from ocp.error import Errors
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 # Times outside the motion by less than this share of the duration are rounding.
 OUTSIDE = 1e-9
+GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 class Status(Enum):
@@ -47,7 +50,7 @@ class Timings:
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Multipliers of the limits, d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+    """Multipliers of the limits, -d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
 
     Those of shared unknowns (ends of elements) stand on both sides.
     """
@@ -208,12 +211,11 @@ class Solution:
         if self.problem is None:
             raise ValueError("error: this solution was loaded without its model; use load(path, problem=...)")
         system = self.problem.system
-        nodes, weights = np.polynomial.legendre.leggauss(4)
         edges = np.unique(np.concatenate([[0.0], self.scheme.points, [1.0]]))
-        tau = (edges[:-1, None] + np.diff(edges)[:, None] * (nodes + 1.0) / 2.0).ravel()
-        shares = (np.diff(edges)[:, None] * weights / 2.0).ravel()
+        tau = (edges[:-1, None] + np.diff(edges)[:, None] * (GAUSS[0] + 1.0) / 2.0).ravel()
+        shares = (np.diff(edges)[:, None] * GAUSS[1] / 2.0).ravel()
         t, x, rate, u = self.samples(tau)
-        function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
+        function = mapped(rates(system), len(t))
         p = np.array([self.values[name] for name in system.nominal])[:, None]
         missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
         each = missed.reshape(len(self.grid), len(tau), -1)

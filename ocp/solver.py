@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from ocp import compilation
 from ocp.collocation import Scheme, radau
+from ocp.compilation import Compilation
 from ocp.continuation import multipliers
 from ocp.diagnosis import contradictions, explain, not_finite, remarks
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
 from ocp.ladder import DEFAULT, Smooth, StraightLine, climb
-from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of, same_structure
-from ocp.problem import Fixed, Problem
+from ocp.phases import STARTS, Outcome, Start, as_guesses, chain, parameter_values, phases_of
+from ocp.problem import Fixed, Problem, same_structure
 from ocp.programme import bounds, pack, unpack
 from ocp.rest import standstill, warnings_before
 from ocp.scaling import common, from_limits, sizes, table, unscaled
@@ -84,6 +86,11 @@ class Prepared:
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
         """Return the parameter values of every phase, nominal where `values` is silent."""
         return parameter_values(self.problem, values)
+
+    @property
+    def compilations(self) -> tuple[Compilation, ...]:
+        """What came of compiling the functions of every phase; empty if not asked for."""
+        return tuple(made for programme in self.compound.programmes if (made := programme.compilation) is not None)
 
     def on(
         self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
@@ -207,6 +214,7 @@ def prepare(
     solver: Ipopt | None = None,
     guess: Start | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
+    compiled: bool = False,
 ) -> Prepared:
     """Transcribe a problem and build its solver once, for many solves.
 
@@ -217,6 +225,7 @@ def prepare(
         solver: settings.
         guess: sets the magnitudes of the scaling; None for a smooth motion between the ends.
         values: of parameters, for the scaling.
+        compiled: let the functions of an element be machine code (see `ocp.compilation`): for many solves.
 
     Raises:
         TypeError: an argument of the wrong kind.
@@ -240,7 +249,10 @@ def prepare(
         if solver.scaled else unscaled(phase, len(free_parameters(phase)))
         for phase, first, numbers in parts
     ])  # fmt: skip
-    programmes = [transcribe(part[0], scheme, grid, own) for part, own in zip(parts, scalings, strict=True)]
+    translate = compilation.compiled if compiled else None
+    programmes = [
+        transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
+    ]
     sequence = problem if isinstance(problem, Sequence) else None
     sides = sequence.sides if sequence else ()
     linked = [sizes(side, *part, own) for (side, _), part, own in zip(sides, parts, scalings, strict=False)]

@@ -42,6 +42,24 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     """
     if not isinstance(solution, Solution):
         raise TypeError(f"save: got {solution!r}, expected a Solution; save the phases of a sequence one by one")
+    target = Path(path)
+    # Created by hand, so that the file gets the rights that the user's own files get.
+    part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
+    try:
+        with part.open("xb") as file:
+            file.write(encode(solution))
+        part.replace(target)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def encode(solution: Solution) -> bytes:
+    """Return a solution as the content of a file.
+
+    Args:
+        solution: of any status.
+    """
     system = solution.problem.system if solution.problem is not None else None
     nx, nu = solution.states.shape[2], solution.controls.shape[2]
     about = {
@@ -67,25 +85,18 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         "log": {name: list(column) for name, column in solution.log.items()},
         "structure": _plain(solution.structure) if solution.structure else None,
     }
-    held, target = solution.multipliers, Path(path)
-    # Created by hand, so that the file gets the rights that the user's own files get.
-    part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        with part.open("xb") as file:
-            np.savez_compressed(
-                file,
-                states=solution.states,
-                controls=solution.controls,
-                slopes=solution.slopes,
-                costates=solution.costates,
-                ends=solution.grid.ends,
-                **({f"limits_{name}": getattr(held, name) for name in LIMITS} if held else {}),
-                about=np.array(json.dumps(_without_nan(about), allow_nan=False)),
-            )
-        part.replace(target)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    held, content = solution.multipliers, io.BytesIO()
+    np.savez_compressed(
+        content,
+        states=solution.states,
+        controls=solution.controls,
+        slopes=solution.slopes,
+        costates=solution.costates,
+        ends=solution.grid.ends,
+        **({f"limits_{name}": getattr(held, name) for name in LIMITS} if held else {}),
+        about=np.array(json.dumps(_without_nan(about), allow_nan=False)),
+    )
+    return content.getvalue()
 
 
 def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Solution:
@@ -100,10 +111,23 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
         OSError: no such file.
         ValueError: no solution file, a damaged one, or one of a newer version.
     """
-    # A truncated archive makes the zip reader complain again when it is thrown away; the file is opened here instead.
-    content = io.BytesIO(Path(path).read_bytes())
+    return decode(Path(path).read_bytes(), problem, os.fspath(path))
+
+
+def decode(content: bytes, problem: Problem | None = None, path: str = "solution") -> Solution:
+    """Return the solution that `encode` made the content of.
+
+    Args:
+        content: of a file.
+        problem: the problem it solves, or None.
+        path: what messages call the content.
+
+    Raises:
+        ValueError: no solution, a damaged one, or one of a newer version.
+    """
     try:
-        with np.load(content, allow_pickle=False) as file:
+        # A truncated archive makes the zip reader complain again when it is thrown away: no file is opened here.
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             arrays = {name: np.array(file[name], dtype=float) for name in ARRAYS}
             known = [name for name in LIMITS if f"limits_{name}" in file]

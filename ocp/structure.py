@@ -7,8 +7,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
+import numpy as np
+
 from ocp.problem import Problem
 from ocp.statelimit import StateLimit
+
+PER_MOTION = 16  # elements of the whole motion, at least one for each arc
 
 
 class Kind(Enum):
@@ -140,6 +144,27 @@ def tabulate(problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, 
                     own.append(Row(limit.label.name, Kind.LIMIT, ends[k], ends[k + 1]))
         rows += own
     return Structure(tuple(rows), arcs)
+
+
+def key_of(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
+    """Return what two structures have in common if they differ in durations only."""
+    return tuple((arc.kinds, arc.held, arc.touched) for arc in arcs)
+
+
+def durations(arcs: tuple[Arc, ...]) -> np.ndarray:
+    """Return the durations of arcs [s]."""
+    return np.array([arc.duration for arc in arcs])
+
+
+def elements_of(arcs: tuple[Arc, ...], level: int = 0) -> tuple[int, ...]:
+    """Return how many elements the arcs of a motion should have.
+
+    Args:
+        arcs: with their durations.
+        level: how often the elements are halved.
+    """
+    shares = durations(arcs) / durations(arcs).sum()
+    return tuple((np.maximum(np.ceil(PER_MOTION * shares), 1.0).astype(int) * 2**level).tolist())
 
 
 def merged(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:

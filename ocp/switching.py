@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from ocp.buffered import mapped
 from ocp.constraint import Where
-from ocp.problem import Problem
+from ocp.problem import Bolza, Problem
+from ocp.system import System
 
 Array = np.ndarray
 
@@ -44,15 +47,9 @@ def switching_functions(
     Source: Pontryagin et al., The Mathematical Theory of Optimal Processes.
     """
     system = problem.system
-    costate = ca.SX.sym("lambda", system.x.numel())
-    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
-    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
-    slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    curvature = ca.vertcat(*(ca.jacobian(slope[i], system.u[i]) for i in range(system.u.numel())))
-    outputs = [slope, terms, ca.densify(curvature)]
-    function = ca.Function("switching", [system.x, system.u, system.p, costate], outputs)
+    function = _slopes(system, problem.minimise)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
-    found = function.map(len(x))(x.T, u.T, p, costates.T)
+    found = mapped(function, len(x))(x.T, u.T, p, costates.T)
     values, sizes, bends = np.array(found[0]).T, np.array(found[1]).ravel(), np.array(found[2]).T
     size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
     low, high = problem.limits(Where.ALONG, system.u)
@@ -65,3 +62,15 @@ def switching_functions(
     step = np.clip(vertex, least, np.maximum(least, most)) - u
     gains = np.maximum(-(values * step + np.maximum(bends, 0.0) / 2.0 * step**2), 0.0)
     return SwitchingFunctions(values, gains, values * span / size)
+
+
+@functools.lru_cache(maxsize=32)
+def _slopes(system: System, minimise: Bolza) -> ca.Function:
+    """Return the function (x, u, p, lambda) -> (dH/du, size of the terms of H, d^2H/du_i^2)."""
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + minimise.running
+    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(minimise.running)
+    slope = ca.densify(ca.gradient(hamiltonian, system.u))
+    curvature = ca.vertcat(*(ca.jacobian(slope[i], system.u[i]) for i in range(system.u.numel())))
+    outputs = [slope, terms, ca.densify(curvature)]
+    return ca.Function("switching", [system.x, system.u, system.p, costate], outputs)

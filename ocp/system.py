@@ -135,6 +135,16 @@ class System:
 
 
 @functools.lru_cache(maxsize=32)
+def rates(system: System) -> ca.Function:
+    """Return the function (x, u, p) -> rate, dense.
+
+    Args:
+        system: x' = f(x, u, p).
+    """
+    return ca.Function("rates", [system.x, system.u, system.p], [ca.densify(system.rate)])
+
+
+@functools.lru_cache(maxsize=32)
 def slopes(system: System) -> ca.Function:
     """Return the function (x, u, p) -> (rate, d rate/dx, d rate/du), all dense; asked for often in one solve.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ocp.assembly import Local, assemble
 from ocp.collocation import Control, Scheme
+from ocp.compilation import Compile
 from ocp.constraint import Where, simple
 from ocp.division import Condition, Division, Near
 from ocp.grid import Grid
@@ -26,8 +27,9 @@ Array = np.ndarray
 
 
 def transcribe(
-    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None
-) -> Programme:
+    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None,
+    translate: Compile | None = None,
+) -> Programme:  # fmt: skip
     """Return the programme of a problem on a grid.
 
     Args:
@@ -36,6 +38,7 @@ def transcribe(
         grid: of [0, 1].
         scaling: magnitudes of the unknowns.
         division: into arcs with durations of their own (the horizon must be Free); None for one arc.
+        translate: makes compiled functions of those of an element; None for none.
     """
     system, n = problem.system, len(grid)
     nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
@@ -65,10 +68,10 @@ def transcribe(
         reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
         blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
         sizes.append(np.zeros(0))
-    if division.total is not None:
+    if division.total:
         blocks.append((_total(layout, scaling), []))
         sizes.append(np.full(1, scaling.horizon))
-    nlp, derivatives = assemble(blocks, ca.MX.sym("z", layout.size), s)
+    nlp, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
@@ -79,7 +82,7 @@ def transcribe(
     return Programme(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
-        chosen, counts[-1] + np.arange(int(division.total is not None)),
+        chosen, counts[-1] + np.arange(int(division.total)), compilation,
         np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
 
@@ -187,7 +190,7 @@ def _chosen(
     system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
     inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
     x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
-    values = ca.densify(inside(*symbols.physical(x, u)) - condition.value) / condition.size
+    values = ca.densify(inside(*symbols.physical(x, u))) / condition.size
     count, shared = values.numel(), symbols.shared.numel()
     terms = []
     for j, t in enumerate(condition.tau):

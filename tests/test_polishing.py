@@ -26,11 +26,11 @@ from ocp import (
     uniform,
     verify,
 )
-from ocp.arcs import solve_arcs
+from ocp.arcprogramme import prepare_arcs
+from ocp.arcs import arc_problem
 from ocp.phases import from_solution
 from ocp.polishing import SETTINGS
-from ocp.statelimit import state_limits
-from ocp.structure import Arc, Contact, Kind
+from ocp.structure import Arc, Contact, Kind, durations
 
 sys.path.append(str(Path(__file__).parents[1] / "scripts"))
 from time_optimal import TASKS
@@ -152,7 +152,8 @@ def test_costates_of_a_touched_limit():
 def solved_arcs(limit, arcs, elements):
     problem = problems.bryson_denham(limit).problem
     guess = from_solution(solve(problem, grid=uniform(30)))
-    return solve_arcs(problem, state_limits(problem), arcs, elements, SIX, guess, {}, SETTINGS)
+    programme = prepare_arcs(arc_problem(problem, SIX, {}), arcs, elements, guess, SETTINGS)
+    return programme.solve(programme.start(guess, durations(arcs)))
 
 
 def test_multipliers_of_a_held_limit():

@@ -1,0 +1,95 @@
+"""Stability suite: measure every hard case, and write the table and the picture of error against distance."""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import picture_stability
+from stability_case import Finding, run
+from stability_cases import CASES
+from stability_table import as_csv, as_markdown, by_group
+
+from ocp import sweep
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; 0 if every case inside the declared domain passes, 1 if not."""
+    options = command_line().parse_args(arguments)
+    chosen = [
+        number
+        for number, case in enumerate(CASES)
+        if (case.fast or not options.fast) and (not options.group or case.group in options.group)
+    ]
+    if not chosen:
+        print(
+            f"stability: no such group; there are {', '.join(dict.fromkeys(c.group for c in CASES))}", file=sys.stderr
+        )
+        return 2
+    begun = time.perf_counter()
+    findings = measured(chosen, options.jobs, options.quiet)
+    seconds = time.perf_counter() - begun
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+        files = [options.output / f"stability.{kind}" for kind in ("md", "csv", "png")]
+        head = f"{len(findings)} cases, {sum(len(f.figures) for f in findings)} figures, {seconds:.0f} s"
+        files[0].write_text(f"{head}\n\n{by_group(findings)}\n\n{as_markdown(findings)}\n", encoding="utf-8")
+        files[1].write_text(as_csv(findings), encoding="utf-8")
+        picture_stability.draw(findings, files[2])
+    except OSError as error:
+        print(f"stability: {error}", file=sys.stderr)
+        return 1
+    print(by_group(findings))
+    bad = [finding for finding in findings if not finding.passed and not finding.case.outside]
+    for finding in bad:
+        wrong = [str(figure) for figure in finding.figures if not figure.passed][:5]
+        print("\n".join(f"FAILED {finding.case}: {text}" for text in wrong or ["no figure was measured"]))
+    print(f"{head}: {len(bad)} failed; files {', '.join(map(os.fspath, files))}")
+    return 1 if bad else 0
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--fast", action="store_true", help="only the cases of the ordinary tests")
+    parser.add_argument("--group", nargs="+", metavar="NAME", help="only these groups")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
+    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="for MD, CSV and PNG")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    return parser
+
+
+def measured(numbers: Sequence[int], jobs: int, quiet: bool) -> list[Finding]:
+    """Return the findings of cases, in order.
+
+    Args:
+        numbers: of the cases.
+        jobs: processes at once.
+        quiet: whether to show no progress.
+    """
+    found = []
+    with ProcessPoolExecutor(max(jobs, 1), multiprocessing.get_context("spawn")) as pool:
+        for done, outcome in enumerate(sweep(plainly, [{"number": n} for n in numbers], pool), 1):
+            case = CASES[outcome.case["number"]]
+            figures, seconds = outcome.value if outcome.value is not None else ((), outcome.seconds)
+            found.append(Finding(case, tuple(figures), seconds))
+            if not quiet:
+                verdict = "passed" if found[-1].passed else f"FAILED {outcome.error}"
+                print(f"{done:4d}/{len(numbers)}  {seconds:6.1f} s  {verdict:8s}  {case}", file=sys.stderr, flush=True)
+    return found
+
+
+def plainly(number: int) -> tuple[tuple[object, ...], float]:
+    """Measure a case in another process; what comes back can travel."""
+    finding = run(CASES[number])
+    return finding.figures, finding.seconds
+
+
+if __name__ == "__main__":
+    sys.exit(main())

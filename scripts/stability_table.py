@@ -1,0 +1,71 @@
+"""Tables of the stability suite in Markdown and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from stability_case import Figure, Finding
+
+HEAD = ("group", "case", "at risk", "towards", "from", "to", "worst", "tolerance", "condition", "figures", "")
+
+
+def by_group(findings: Sequence[Finding]) -> str:
+    """Return one line for each group: cases, figures, failures, the largest share of a tolerance."""
+    lines = ["| group | cases | figures | failed | outside the domain | worst figure / tolerance | seconds |",
+             "|---|---:|---:|---:|---:|---:|---:|"]  # fmt: skip
+    for group in dict.fromkeys(finding.case.group for finding in findings):
+        own = [finding for finding in findings if finding.case.group == group]
+        inside = [finding for finding in own if not finding.case.outside]
+        failed = sum(not finding.passed for finding in inside)
+        worst = max((share(finding.worst) for finding in inside if finding.figures), default=math.nan)
+        count, seconds = sum(len(finding.figures) for finding in own), sum(finding.seconds for finding in own)
+        lines.append(
+            f"| {group} | {len(own)} | {count} | {failed} | {len(own) - len(inside)} | {worst:.2g} | {seconds:.1f} |"
+        )
+    return "\n".join(lines)
+
+
+def as_markdown(findings: Sequence[Finding]) -> str:
+    """Return one line for each case with its worst figure."""
+    lines = [f"| {' | '.join(HEAD)} |", "|---|---|---|---|" + "---:|" * 6 + "---|"]
+    for finding in findings:
+        case, figures = finding.case, finding.figures
+        if not figures:
+            lines.append(f"| {case.group} | {case.name} | {case.quantity} | {case.towards} |" + " |" * 6 + " none |")
+            continue
+        worst = finding.worst
+        distances = [figure.distance for figure in figures if not math.isnan(figure.distance)]
+        conditions = [figure.condition for figure in figures if not math.isnan(figure.condition)]
+        verdict = "outside: " + case.outside if case.outside else "passed" if finding.passed else "**failed**"
+        cells = [
+            case.group, case.name, case.quantity, case.towards,
+            *((f"{distances[0]:.1e}", f"{distances[-1]:.1e}") if distances else ("", "")),
+            f"{worst.value:.1e}", f"{worst.tolerance:.1e}", f"{max(conditions):.1e}" if conditions else "",
+            str(len(figures)), f"{verdict}{'; ' + worst.note if worst.note and not finding.passed else ''}",
+        ]  # fmt: skip
+        lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def as_csv(findings: Sequence[Finding]) -> str:
+    """Return every figure with every digit."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(["group", "case", "quantity", "towards", "distance", "value", "tolerance", "condition", "passed",
+                     "outside", "note"])  # fmt: skip
+    for finding in findings:
+        case = finding.case
+        for f in finding.figures:
+            writer.writerow([case.group, case.name, case.quantity, case.towards, repr(f.distance), repr(f.value),
+                             repr(f.tolerance), repr(f.condition), f.passed, case.outside, f.note])  # fmt: skip
+    return text.getvalue()
+
+
+def share(figure: Figure) -> float:
+    """Return the value of a figure as a share of its tolerance."""
+    if figure.value == 0.0:
+        return 0.0
+    return abs(figure.value) / figure.tolerance if figure.tolerance else math.inf

@@ -1,0 +1,184 @@
+"""Parameter study of a scene file: solve every case, go on where it stopped, draw what depends on what."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import picture_study
+import study_file
+from executor import KINDS, executor
+
+from models.document import SceneError
+from ocp import StoreError, Study, StudyTable
+from ocp.influence import influences, jumps
+from ocp.schedule import Progress
+
+NO_BAR = 'study: no progress bar without tqdm: pip install "hamel[study]"'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; 0 if every case is solved, 1 if some are not, 2 for wrong usage, 130 after Ctrl-C."""
+    options = command_line().parse_args(arguments)
+    store = options.store or options.study.with_suffix(".db")
+    try:
+        study, document = study_file.load(options.study, store)
+        if options.resume:
+            _check_resume(study, store)
+        if options.dry_run:
+            print(plan(study, store))
+            return 0
+        table = _run(study, options)
+    except (SceneError, StoreError, ImportError, ValueError, RuntimeError) as error:
+        print(f"study: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"study: interrupted; what is finished stands in {store}, the same command goes on", file=sys.stderr)
+        return 130
+    try:
+        files = _write(table, options, document.file, study_file.units(study))
+    except (OSError, ImportError, ValueError) as error:
+        print(f"study: {error}", file=sys.stderr)
+        return 2 if isinstance(error, ValueError) else 1
+    if options.json:
+        print(json.dumps(account(table, files), indent=2))
+    elif not options.quiet:
+        print(report(table, options.result))
+        print(f"files  {', '.join(map(os.fspath, [store, *files]))}")
+    return 0 if all(table.ok) else 1
+
+
+def command_line() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else None,
+        epilog="STUDY is a scene file with a table [study]; see docs/studies.md. What is stored is not computed again. "
+        "Exit status: 0 all solved, 1 some failed, 2 wrong usage, 130 interrupted.",
+    )
+    parser.add_argument("study", type=Path, metavar="STUDY", help="scene file (TOML) with a table [study]")
+    parser.add_argument("--store", type=Path, metavar="FILE", help="SQLite file of the results (default: STUDY.db)")
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with a store that holds this very study, or refuse"
+    )
+    parser.add_argument("--jobs", type=_jobs, default=1, metavar="N", help="processes at once (default: 1)")
+    parser.add_argument("--executor", metavar="KIND", help=f"{', '.join(KINDS)} (default: here, or processes)")
+    parser.add_argument("--dry-run", action="store_true", help="say what would be computed, and stop")
+    parser.add_argument("--retry-failed", action="store_true", help="try failed cases again, with all first guesses")
+    parser.add_argument("--export", type=Path, action="append", default=[], metavar="FILE", help=".csv or .parquet")
+    parser.add_argument("--result", default="duration", metavar="NAME", help="column to draw first (default: duration)")
+    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="for pictures and CSV")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument("--json", action="store_true", help="print the account as JSON")
+    return parser
+
+
+def plan(study: Study, store: Path) -> str:
+    """Return what a run would do, in words."""
+    known = study.table().records if store.exists() else (None,) * len(study.cases)
+    done = sum(record is not None and record.ok for record in known)
+    failed = sum(record is not None and not record.ok for record in known)
+    axes = {name: list(dict.fromkeys(case[name] for case in study.cases)) for name in study.cases[0]}
+    lines = [f"{len(study.cases)} cases: {done} stored, {failed} failed, {len(known) - done - failed} to compute"]
+    for name, values in axes.items():
+        ends = f"{values[0]} .. {values[-1]}" if len(values) > 1 else f"{values[0]}"
+        lines.append(f"  {name}: {len(values)} values, {ends}")
+    lines.append("polished, structures carried over" if study.polished else "not polished")
+    return "\n".join(lines)
+
+
+def report(table: StudyTable, result: str) -> str:
+    """Return the summary of a study: counts, failures, what matters, suspicious neighbours."""
+    lines = [str(table)]
+    try:
+        rows = influences(table, result)
+    except (ValueError, KeyError) as error:
+        rows = ()
+        lines.append(f"no ranking: {error.args[0]}")
+    if rows:
+        lines.append(f"what {result} depends on:")
+        lines += [
+            f"  {row.axis:24s} elasticity {row.elasticity:+8.3f}   main effect {row.effect:+10.4g}   "
+            f"share {100 * row.share:5.1f} %"
+            for row in rows
+        ]
+    odd = jumps(table) if "cost" in table.columns else ()
+    lines += [f"jump: cases {a} and {b} probably lie in different local optima" for a, b in odd[:10]]
+    return "\n".join(lines)
+
+
+def account(table: StudyTable, files: Sequence[Path]) -> dict[str, Any]:
+    """Return everything that the command prints as plain data."""
+    return {
+        "cases": len(table),
+        "solved": int(table.ok.sum()),
+        "failures": {str(k): text for k, text in table.failures.items()},
+        "ways": {way: int(sum(table["way"] == way)) for way in sorted(set(table["way"]) - {""})},
+        "jumps": [list(pair) for pair in (jumps(table) if "cost" in table.columns else ())],
+        "files": [os.fspath(path) for path in files],
+    }
+
+
+def _check_resume(study: Study, store: Path) -> None:
+    stored = sum(record is not None for record in study.table().records) if store.exists() else 0
+    if not stored:
+        raise ValueError(f"--resume: {store} holds no case of this study; its settings differ, or it has not begun")
+
+
+def _run(study: Study, options: argparse.Namespace) -> StudyTable:
+    kind = options.executor or ("processes" if options.jobs > 1 else "here")
+    shown = not (options.quiet or options.json)
+    with executor(kind, options.jobs) as run, _bar(len(study.cases), shown) as watch:
+        return study.run(run, options.retry_failed, watch)
+
+
+@contextmanager
+def _bar(total: int, shown: bool) -> Iterator[Callable[[Progress], None] | None]:
+    """Show a bar with cases done, failed, rate and remaining time."""
+    if not shown:
+        yield None
+        return
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        print(NO_BAR, file=sys.stderr)
+        yield None
+        return
+    with tqdm(total=total, unit="case", dynamic_ncols=True) as bar:
+
+        def watch(progress: Progress) -> None:
+            if progress.last is None:
+                bar.initial = bar.n = bar.last_print_n = progress.done
+            bar.set_postfix(failed=progress.failed, refresh=False)
+            bar.update(progress.done - bar.n)
+
+        yield watch
+
+
+def _write(table: StudyTable, options: argparse.Namespace, name: str, units: dict[str, str]) -> list[Path]:
+    if options.result not in table.results and any(table.ok):
+        raise ValueError(f"--result: no column {options.result!r}; there are {', '.join(table.results)}")
+    options.output.mkdir(parents=True, exist_ok=True)
+    stem = Path(name).stem
+    files = [options.output / f"{stem}.csv", *options.export]
+    for path in files:
+        (table.write_parquet if path.suffix == ".parquet" else table.write_csv)(path)
+    if any(table.ok):
+        files += picture_study.draw(table, options.result, options.output / stem, units)
+    return files
+
+
+def _jobs(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"got {value}, expected a whole number >= 1")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())
