@@ -194,10 +194,7 @@ class Prepared:
         if not reasons:
             reasons = remarks(solutions) if answer.status is Status.SOLVED else explain(solutions, values)
         if answer.status is not Status.SOLVED and self.settings.tol < ROUNDING:
-            reasons = [
-                *reasons,
-                f"a tolerance of {self.settings.tol:g} is below rounding; {ROUNDING:g} is within reach",
-            ]
+            reasons = [*reasons, f"a tolerance of {self.settings.tol:g} is below rounding; try {ROUNDING:g}"]
         message = ": ".join([answer.status.value, "; ".join(reasons)]) if reasons else answer.status.value
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
@@ -254,9 +251,8 @@ def prepare(
         transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
     ]
     sequence = problem if isinstance(problem, Sequence) else None
-    sides = sequence.sides if sequence else ()
-    linked = [sizes(side, *part, own) for (side, _), part, own in zip(sides, parts, scalings, strict=False)]
-    compound = join(tuple(programmes), sequence, linked)
+    links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
+    compound = join(tuple(programmes), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
     cold = build(compound.nlp, compound.derivatives, solver, False, compound.sizes)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
