@@ -10,11 +10,12 @@ import casadi as ca
 import numpy as np
 
 from ocp.arcs import ArcMotion, ArcProblem
+from ocp.boundary import ends
 from ocp.constraint import Where
 from ocp.division import Condition, Division, Near
 from ocp.equations import Equations, as_equations
 from ocp.grid import Grid
-from ocp.guess import Guess, ends
+from ocp.guess import Guess
 from ocp.ipopt import Answer, Ipopt, Solver, build, run
 from ocp.multipliers import Tie, adjoin_directly
 from ocp.problem import Free, Problem
@@ -209,7 +210,8 @@ def prepare_arcs(
     whole = pose_arcs(task, arcs, elements, guess, weight)
     whole = whole if limited else whole.unlimited()
     programme = whole.programme
-    solver = None if whole.equations else build(programme.nlp, programme.derivatives, settings, warm=False)
+    sizes = programme.scaling.cost, programme.sizes
+    solver = None if whole.equations else build(programme.nlp, programme.derivatives, settings, False, sizes)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun)
 
 
@@ -248,7 +250,8 @@ def _near(
         own = np.flatnonzero(arc == k)
         share = grid.ends[own][:, None] + grid.widths[own][:, None] * task.scheme.points
         reference = guess.control(share)[:, :, chosen]
-        size = np.where(np.isfinite(high - low), high - low, 1.0)[chosen]
+        used = np.maximum(np.ptp(guess.u, axis=0), np.max(np.abs(guess.u), axis=0))
+        size = np.where(np.isfinite(high - low), high - low, np.where(used > 0.0, used, 1.0))[chosen]
         found.append(Near(chosen, reference, size, weight, own, task.scheme.weights))
     return tuple(found)
 

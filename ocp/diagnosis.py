@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from ocp.boundary import ends
 from ocp.caveat import unresolved
 from ocp.collocation import Control
 from ocp.constraint import Where, simple
-from ocp.guess import Guess, ends
+from ocp.guess import Guess
 from ocp.problem import Fixed, Free, Problem
+from ocp.rest import warnings_before
 from ocp.singularity import touched
 from ocp.solution import Solution, Status
-from ocp.system import Label, slopes
+from ocp.system import Label
 from ocp.verification import excess
 
 if TYPE_CHECKING:
@@ -23,9 +25,11 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
-SHRUNK = 1e-6  # of the guessed duration
+SHRUNK = 1e-9  # of the guessed duration
 MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
 NAMED = 3  # findings listed at most
+FEW = 3  # values of a control below which a motion may be impossible
+ROUNDING = 1e-9  # share of what a value is made of
 
 
 def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> Iterator[str]:
@@ -67,7 +71,7 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
     labels = _labels(phase, "x", system.x)
-    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-14 + 1e-10 * np.abs(values[:, None, :])
+    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
     for i, c in np.argwhere(alike.all(axis=0)).tolist():
         label = labels[i]
         for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
@@ -116,41 +120,18 @@ def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
         if not whole:
             continue
         for constraint in states:
-            value = np.array(ca.Function("c", [system.x, system.p], [constraint.expression])(x, p)).ravel()
+            c = constraint.expression
+            sizes = ca.mtimes(ca.fabs(ca.jacobian(c, system.x)), ca.fabs(system.x))
+            value, size = np.array(ca.Function("c", [system.x, system.p], [ca.horzcat(c, sizes)])(x, p)).T
+            size = np.nanmax(np.abs([value, size]), axis=0)  # of the terms; rounding is a share of it
             beyond = np.maximum(constraint.lower - value, value - constraint.upper)
-            for label, amount, got in zip(phase.labels(constraint), beyond, value, strict=True):
-                simple_ = constraint.expression.is_symbolic()
-                if amount > 1e-9 * max(1.0, abs(got)) and not simple_ and label.name not in _state_names(phase):
+            for label, amount, got, least in zip(phase.labels(constraint), beyond, value, size, strict=True):
+                if amount > ROUNDING * least and not c.is_symbolic() and label.name not in _state_names(phase):
                     shown = f"{got:.6g} {label.unit}".strip()
                     yield (
                         f"{label.name} is {shown} at the {where.value} and breaks its limit along the "
                         f"motion by {amount:.3g}; move the {where.value} or the limit"
                     )
-
-
-def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> list[str]:
-    """Return what speaks against a motion without excluding it: a control too weak to hold an end at rest."""
-    found = []
-    for phase, numbers in zip(_phases(problem), values, strict=True):
-        system, p = phase.system, ca.DM(list(numbers))
-        low, high = phase.limits(Where.ALONG, system.u)
-        function = slopes(system)
-        first, last, fixed = ends(phase, p)
-        for words, x, whole in (("start", first, fixed[0]), ("end", last, fixed[1])):
-            f, _, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
-            if not whole or not len(low) or not (np.all(np.isfinite(f)) and np.all(np.isfinite(b))):
-                continue
-            u = np.linalg.lstsq(b, -f.ravel(), rcond=None)[0]
-            if np.max(np.abs(f.ravel() + b @ u), initial=0.0) > 1e-6 * max(1.0, float(np.max(np.abs(f)))):
-                continue  # not a place of rest
-            for label, need, a, c in zip(system.label("u", len(u)), u, low, high, strict=True):
-                if need < a * (1 + 1e-9) - 1e-12 or need > c * (1 + 1e-9) + 1e-12:
-                    limit = a if need < a else c
-                    found.append(
-                        f"{label.name} cannot hold the {words}: {need:.4g} {label.unit} are needed at rest, the limit "
-                        f"is {limit:.4g}; raise the limit above {abs(need):.4g} {label.unit} or move the {words}"
-                    )
-    return found
 
 
 def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[list[float]]) -> Iterator[str]:
@@ -190,6 +171,10 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         found += _worst(solution, phase)
     found.sort(key=lambda pair: -pair[0])
     sentences = [*touched(solutions), *(words for _, words in found[:NAMED])]
+    if min(len(s.controls) * s.controls.shape[1] for s in solutions) < FEW:
+        sentences.append("so few values of each control hardly lead anywhere; try a grid of ten elements or more")
+    if status is Status.LIMIT:
+        sentences += [words for solution in solutions for words in _shrinking(solution)]
     problems = [solution.problem for solution in solutions if solution.problem is not None]
     for problem, numbers in zip(problems, values, strict=True):
         sentences += warnings_before(problem, [numbers])
@@ -202,7 +187,7 @@ def remarks(solutions: list[Solution]) -> list[str]:
     """Return what is worth saying of a solved problem: a coarse grid, a duration or controls beyond their limits."""
     found = []
     for solution in solutions:
-        found += unresolved(solution) + _between_points(solution)
+        found += unresolved(solution) + between_points(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
             found.append(
@@ -212,7 +197,7 @@ def remarks(solutions: list[Solution]) -> list[str]:
     return found
 
 
-def _between_points(solution: Solution) -> list[str]:
+def between_points(solution: Solution) -> list[str]:
     """Say where a collocated control leaves its limits between the points, if by a noticeable share of its range."""
     if solution.scheme.control is not Control.COLLOCATED or solution.problem is None or solution.duration <= 0.0:
         return []
@@ -264,6 +249,22 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
             )
         )
     return found
+
+
+def _shrinking(solution: Solution) -> list[str]:
+    """Name the controls without limits that let a motion of least time be ever shorter."""
+    problem = solution.problem
+    if problem is None or not isinstance(problem.horizon, Free) or problem.minimise.time <= 0.0:
+        return []
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    labels = _labels(problem, "u", problem.system.u)
+    endless = [one.name for one, a, b in zip(labels, low, high, strict=True) if not np.isfinite(b - a)]
+    if not endless or solution.duration > 1e-3 * problem.horizon.guess:
+        return []
+    return [
+        f"{', '.join(endless)} without limits let the motion be as short as it likes, {solution.duration:.2g} s so "
+        "far; limit them, or give the duration a lower limit"
+    ]
 
 
 def _remedies(status: Status, problems: list[Problem], violated: bool) -> list[str]:

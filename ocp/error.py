@@ -11,8 +11,9 @@ from numpy.polynomial import legendre as polynomials
 from ocp.collocation import integration_matrix
 from ocp.constraint import Where
 from ocp.hamiltonian import Minimum, minimise
+from ocp.loaded import with_model
 from ocp.problem import Free, Problem
-from ocp.solution import Solution, Status, with_model
+from ocp.solution import Solution, Status
 from ocp.system import Label
 
 Array = np.ndarray
@@ -89,6 +90,12 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     count, nx = len(solution.grid), solution.states.shape[2]
     labels = problem.system.label("x", nx)
     converged = solution.status in (Status.SOLVED, Status.ACCEPTABLE)
+    if converged and solution.duration == 0.0:
+        zero = np.zeros(count)
+        none = np.zeros((count, nx))
+        return Errors(
+            0.0, 0.0, np.zeros(nx), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, zero, none, np.zeros((count + 1, nx)), labels
+        )
     if not converged or solution.duration <= 0.0 or not np.all(np.isfinite(solution.data)):
         unknown = np.full((count, nx), np.nan)
         late = np.inf if isinstance(problem.horizon, Free) else 0.0

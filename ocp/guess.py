@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Callable
 from collections.abc import Sequence as Several
 from dataclasses import dataclass
 
@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from ocp import argument
-from ocp.constraint import Where, simple
+from ocp.boundary import ends
+from ocp.constraint import Where
 from ocp.problem import Fixed, Free, Problem, parameters
 from ocp.system import slopes
 
@@ -19,7 +20,8 @@ PLACES = 11  # at which the controls of a straight line are balanced
 SMOOTH_PLACES = 41  # of a smooth motion
 STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
-ITERATIONS = 30  # of Gauss-Newton for the states at the ends
+SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # of the guessed duration, while nothing keeps the motion from being shorter
+ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and share of their rates that may be left
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,8 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 
     The states that the controls reach last (positions, as a rule) run along a quintic, or a septic if more than two
     integrations lie between; the states before them are found place by place from x' = f(x, u), and the controls
-    last. A free duration is lengthened from a quarter of the guessed one until the controls keep their limits.
+    last. A free duration is lengthened from a quarter of the guessed one until the controls keep their limits; where
+    that is far too long, it is shortened first, as long as all limits are kept.
 
     Args:
         problem: the problem.
@@ -113,6 +116,17 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     best: Guess | None = None
     longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
     least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
+    if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
+        path, kept = _path(first, last, len(layers)), _keeping(problem, p)
+        for count in range(SHORTENINGS if np.any(first != last) else 0):
+            trial = _follow(problem, path, duration, layers, p, function)
+            if not kept(trial):
+                # What the controls do not keep is lengthened below by as much as they need.
+                duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
+                break
+            if SHORTER * duration < problem.horizon.lower:
+                break
+            duration *= SHORTER
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
         used = _use(guess.u, low, high)
@@ -130,9 +144,9 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
     """Return a smooth motion between the ends that strays from the straight one, for a search of other optima.
 
-    The last layer of states is displaced by a bump of random size, at most the distance of its limits (the range of
-    the smooth motion plus one where it has none), and kept within them; the duration is multiplied by a random factor,
-    log-normal with a standard deviation of 0.4.
+    The last layer of states is displaced by a bump of random size, at most the distance of its limits (where it has
+    none, its range plus a radian, or plus the largest range of others with its unit), and kept within them; the
+    duration is multiplied by a random factor, log-normal with a standard deviation of 0.4.
 
     Args:
         problem: the problem.
@@ -146,7 +160,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     low, high = problem.limits(Where.ALONG, problem.system.x)
     share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
     for i in layers[-1] if layers else []:
-        reach = high[i] - low[i] if np.isfinite(high[i] - low[i]) else 1.0 + np.ptp(path[:, i])
+        reach = high[i] - low[i] if np.isfinite(high[i] - low[i]) else _room(problem, path, i)
         bump = np.zeros(SMOOTH_PLACES)
         for order in (2, 4):  # one or two humps, with value and slope zero at both ends
             bump += random.uniform(-0.5, 0.5) * np.sin(np.pi * share) ** 2 * np.cos((order - 2) * np.pi * share / 2.0)
@@ -157,6 +171,29 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
+
+
+def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
+    """Return the function that says whether a guess keeps all limits along the motion."""
+    system = problem.system
+    limited = [c for c in problem.subject_to if c.where is Where.ALONG]
+    low, high = (np.concatenate([getattr(c, side) for c in limited])[:, None] for side in ("lower", "upper"))
+    function = ca.Function("limited", [system.x, system.u, system.p], [ca.vertcat(*(c.expression for c in limited))])
+    every = function.map(SMOOTH_PLACES)
+
+    def kept(guess: Guess) -> bool:
+        values = np.array(every(guess.x.T, guess.u.T, ca.repmat(p, 1, SMOOTH_PLACES)))
+        return bool(np.all((values >= low) & (values <= high)))
+
+    return kept
+
+
+def _room(problem: Problem, path: Array, state: int) -> float:
+    """Return how far a state without limits may stray: a radian, or as far as others of its unit move."""
+    units = [label.unit for label in problem.system.label("x", path.shape[1])]
+    alike = [float(np.ptp(path[:, i])) for i, unit in enumerate(units) if unit == units[state]]
+    own = float(np.ptp(path[:, state]))
+    return own + (1.0 if units[state] in ("rad", "") else max(alike))
 
 
 def _use(u: Array, low: Array, high: Array) -> float:
@@ -223,7 +260,9 @@ def _follow(
         for _ in range(ITERATIONS):
             f, slope, _ = function(x.T, *held)
             short = rates - np.array(f).T[:, known]
-            if not np.max(np.abs(short)) >= 1e-9:
+            size = np.max(np.abs(rates), axis=0) + np.max(np.abs(np.array(f).T[:, known]), axis=0)
+            # Differences of what rests are rounding.
+            if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
                 break
             blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
             blocks = blocks[:, known[:, None], wanted]
@@ -232,48 +271,6 @@ def _follow(
             x[:, wanted] += _least_squares(blocks, short)
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
     return Guess(share, x, _balance(problem, x, rates, p, function, clip=False), duration, np.zeros(0))
-
-
-def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
-    """Return states that meet the start and end conditions, and whether those conditions fix them completely."""
-    first, last, fixed = _ends(problem, tuple(p.elements()))
-    return first.copy(), last.copy(), fixed
-
-
-@functools.lru_cache(maxsize=16)
-def _ends(problem: Problem, values: tuple[float, ...]) -> tuple[Array, Array, tuple[bool, bool]]:
-    p = ca.DM(list(values))
-    low, high = problem.limits(Where.ALONG, problem.system.x)
-    still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
-    first, start_fixed = _meet(problem, Where.START, still, p)
-    last, end_fixed = _meet(problem, Where.END, first, p)
-    return first, last, (start_fixed, end_fixed)
-
-
-def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bool]:
-    system = problem.system
-    wanted = [c for c in problem.subject_to if c.where is where and not ca.depends_on(c.expression, system.u)]
-    if not wanted:
-        return x, False
-    expression = ca.vertcat(*(c.expression for c in wanted))
-    low, high = np.concatenate([c.lower for c in wanted]), np.concatenate([c.upper for c in wanted])
-    function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
-    whole = False
-    for constraint in wanted:
-        # What is said of a state alone is met at once; the rest may have no meaning elsewhere.
-        for place, c in simple(constraint, system.x):
-            x = x.copy()
-            x[place] = np.clip(x[place], constraint.lower[c], constraint.upper[c])
-    for _ in range(ITERATIONS):
-        value, slope = (np.array(part) for part in function(x, p))
-        short = np.clip(value.ravel(), low, high) - value.ravel()
-        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(short))):
-            return x, False
-        whole = bool(np.linalg.matrix_rank(slope[low == high]) == len(x)) if np.any(low == high) else False
-        if np.max(np.abs(short)) < 1e-12:
-            break
-        x = x + np.linalg.lstsq(slope, short, rcond=None)[0]
-    return x, whole
 
 
 def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Function, clip: bool = True) -> Array:
@@ -291,7 +288,9 @@ def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Fu
 
 def _least_squares(matrices: Array, right: Array) -> Array:
     """Return the least-squares solutions (K, n) of stacks of systems (K, m, n), (K, m)."""
-    return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices), right))
+    size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
+    size = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)
 
 
 def _interpolate(share: Array, places_: Array, values: Array) -> Array:

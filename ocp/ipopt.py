@@ -124,42 +124,77 @@ class Solver:
 
     function: ca.Function
     watch: Watch
+    cost: float = 1.0  # what the cost is divided by
+    rows: Array = field(default_factory=lambda: np.ones(1))  # (ng,) what the rows are divided by
 
 
-def build(nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool) -> Solver:
-    """Return the solver of a programme.
+def build(
+    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool,
+    sizes: tuple[float, Array],
+) -> Solver:  # fmt: skip
+    """Return the solver of a programme, which sees cost and rows divided by their sizes.
 
     Raises:
         ValueError: IPOPT does not know an option in `extra`.
     """
+    cost, rows = sizes
+    nlp, derivatives = _divided(nlp, derivatives, cost, rows)
     options = settings.options(warm) | dict(derivatives)
     shown = settings.progress if settings.progress is not None else sys.stderr.isatty()
     watch = Watch(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel(), shown)
     options["iteration_callback"] = watch
     try:
-        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch)
+        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch, cost, rows)
     except RuntimeError as error:
         told = argument.shown(dict(settings.extra))
         why = SOURCE.sub("", str(error).strip().splitlines()[-1])
         raise ValueError(f"Ipopt: extra is {told}, expected options of IPOPT ({argument.shown(why)})") from None
 
 
+def _divided(
+    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], cost: float, rows: Array
+) -> tuple[Mapping[str, ca.MX], Mapping[str, ca.Function]]:
+    """Return a programme and its derivatives with the cost and the rows divided by their sizes."""
+    if cost == 1.0 and np.all(rows == 1.0):
+        return nlp, derivatives
+    z, s, by = nlp["x"], nlp["p"], ca.DM(1.0 / rows)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(rows))
+    f, slope = derivatives["grad_f"](z, s)
+    g, jacobian = derivatives["jac_g"](z, s)
+    own = np.array(jacobian.sparsity().row(), dtype=int)
+    jacobian = ca.sparsity_cast(ca.vec(jacobian.nz[:]) * ca.DM(1.0 / rows[own]), jacobian.sparsity())
+    hessian = derivatives["hess_lag"](z, s, lam_f / cost, lam_g * by)
+    divided = {
+        "grad_f": ca.Function("nlp_grad_f", [z, s], [f / cost, slope / cost], ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("nlp_jac_g", [z, s], [g * by, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+        ),
+    }
+    return {**nlp, "f": nlp["f"] / cost, "g": nlp["g"] * by}, divided
+
+
 def run(
     solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
     duals: tuple[Array, Array] | None = None,
 ) -> Answer:  # fmt: skip
-    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises."""
+    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises.
+
+    The programme sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
+    """
     begun = time.perf_counter()
-    low, high, rows_low, rows_high = bounds
-    first = {} if duals is None else {"lam_x0": duals[0], "lam_g0": duals[1]}
+    size, rows = solver.cost, solver.rows
+    low, high, rows_low, rows_high = bounds[0], bounds[1], bounds[2] / rows, bounds[3] / rows
+    first = {} if duals is None else {"lam_x0": duals[0] / size, "lam_g0": duals[1] * rows / size}
     try:
-        solver.watch.reset(rows_low, rows_high)
+        solver.watch.reset(rows_low, rows_high, size)
         with interruptible(solver.watch):
             found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
         solver.watch.clear()
         stats = solver.function.stats()
         z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
-        cost, verbatim = float(found["f"]), str(stats["return_status"])
+        multipliers, limits = size * multipliers / rows, size * limits
+        cost, verbatim = size * float(found["f"]), str(stats["return_status"])
         iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
@@ -171,6 +206,7 @@ def run(
     seconds = time.perf_counter() - begun
     derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
     log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
+    log |= {"obj": [size * value for value in log["obj"]]} if "obj" in log else {}
     status = STATUS.get(verbatim, Status.FAILED)
     return Answer(z, multipliers, limits, cost, status, verbatim, iterations, derivatives, seconds, log)
 
@@ -185,9 +221,9 @@ class Watch(ca.Callback):  # type: ignore[misc]
         self.reset()
         self.construct("watch", {})
 
-    def reset(self, low: Array | None = None, high: Array | None = None) -> None:
-        """Begin anew, with the limits of the rows: no request to stop, no iterations."""
-        self._low, self._high = low, high
+    def reset(self, low: Array | None = None, high: Array | None = None, size: float = 1.0) -> None:
+        """Begin anew, with the limits of the rows and the size of the cost: no request to stop, no iterations."""
+        self._low, self._high, self._size = low, high, size
         self.stop = False
         self.count, self._told = 0, False
         self._begun = self._last = time.perf_counter()
@@ -222,7 +258,7 @@ class Watch(ca.Callback):  # type: ignore[misc]
                 if self._low is None or self._high is None
                 else float(np.max([self._low - g, g - self._high], initial=0.0))
             )
-            line = f"  iteration {self.count}, cost {float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
+            line = f"  iteration {self.count}, cost {self._size * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
             line += f"{now - self._begun:.0f} s"
             print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
         return [int(self.stop)]

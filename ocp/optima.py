@@ -164,5 +164,7 @@ def _same(one: Solution, other: Solution) -> bool:
         return False
     share = np.linspace(0.0, 1.0, COMPARED)
     a, b = one.x(share * one.duration), other.x(share * other.duration)
-    size = np.maximum(np.ptp(a, axis=0), 1e-9 + 1e-6 * np.max(np.abs(a), axis=0))
+    most = np.max(np.abs(a), axis=0)
+    size = np.maximum(np.ptp(a, axis=0), np.maximum(1e-6 * most, 1e-9 * np.max(most, initial=0.0)))
+    size = np.where(size > 0.0, size, 1.0)
     return bool(np.all(np.sqrt(np.mean((a - b) ** 2, axis=0)) <= SAME_MOTION * size))

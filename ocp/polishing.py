@@ -13,13 +13,15 @@ from ocp.arcprogramme import ArcProgramme, prepare_arcs
 from ocp.arcs import ArcMotion, ArcProblem, arc_problem
 from ocp.certificate import Certificate, certify, complaint
 from ocp.collocation import Control, Scheme, legendre
+from ocp.diagnosis import between_points
 from ocp.grid import Grid
 from ocp.ipopt import Ipopt
+from ocp.loaded import with_model
 from ocp.phases import from_solution
 from ocp.problem import Problem
 from ocp.reading import contacts, read
 from ocp.revision import revise, swapped, without_shortest_hold, without_vanished
-from ocp.solution import Solution, Status, Timings, with_model
+from ocp.solution import Solution, Status, Timings
 from ocp.solver import solve
 from ocp.statelimit import StateLimit
 from ocp.structure import durations, elements_of, key_of, tabulate
@@ -99,6 +101,8 @@ def polish(
     settings = SETTINGS if solver is None else solver
     if not solution.ok:
         return _unpolished(solution, "it is not a solved one")
+    if solution.duration <= 0.0:
+        return _unpolished(solution, "it has no duration")
     task = arc_problem(problem, scheme, solution.values)
     limits = task.limits
     together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
@@ -115,10 +119,15 @@ def polish(
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
-                seconds = time.perf_counter() - begun
-                return _polished(task, solution, tried, (iterations, seconds))
-            found = tried.motion.answer.cost
-            reason = f"the structure read leads to a cost of {found:.9g}, more than {solution.cost:.9g}"
+                spent = iterations, time.perf_counter() - begun
+                found = _polished(task, solution, tried, spent)
+                loose = between_points(found)
+                if not loose:
+                    return found
+                reason = loose[0]
+            else:
+                cost = tried.motion.answer.cost
+                reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
         if reading + 1 == READINGS or left <= 0.0:
             break
         finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
@@ -144,6 +153,7 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
     arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
     solves = iterations = work = level = steps = failures = 0
+    settled: _Try | None = None
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
         elements = elements_of(arcs, level)
         loose = task.loose(arcs)
@@ -155,6 +165,8 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
         work += motion.answer.iterations * sum(elements) * task.scheme.degree
         seen.add(key_of(arcs))
         if motion.answer.status is not Status.SOLVED:
+            if settled is not None:
+                return replace(settled, iterations=iterations, work=work)  # only its residual could have been smaller
             failures += 1
             others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
             other = next((o for o in others if key_of(o) not in seen), None)
@@ -176,6 +188,7 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
             continue
         if not sound and level >= 1:
             return _Try(None, None, complaint(task, certificate), iterations, work)
+        settled = _Try(motion, certificate, "", iterations, work) if sound else None
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue

@@ -23,7 +23,10 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Programme:
-    """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths]."""
+    """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
+
+    The solver sees f divided by scaling.cost and g divided by sizes.
+    """
 
     problem: Problem
     scheme: Scheme
@@ -41,6 +44,7 @@ class Programme:
     conditions: tuple[Array, ...] = ()  # for each condition of a division (elements, places, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
     compilation: Compilation | None = None  # of the functions of an element, if asked for
+    sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g
 
     @property
     def rows(self) -> int:
@@ -49,7 +53,7 @@ class Programme:
 
 
 def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
-    """Return lower and upper bounds of the scaled unknowns and of the rows, (nz,), (nz,), (ng,), (ng,)."""
+    """Return lower and upper bounds of the scaled unknowns and the rows, (nz,), (nz,), (ng,), (ng,)."""
     problem, layout, scaling = programme.problem, programme.layout, programme.scaling
     system = problem.system
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)

@@ -158,9 +158,9 @@ def _place(u: Array, low: float, high: float) -> Array:
     if not np.isfinite(high - low) or high <= low:
         at = np.full(len(u), 0.5)
         if np.isfinite(low):
-            at[u - low <= EDGE * max(np.ptp(u), 1e-12)] = 0.0
+            at[u - low <= EDGE * max(np.ptp(u), 1e-12 * np.max(np.abs(u)))] = 0.0
         if np.isfinite(high):
-            at[high - u <= EDGE * max(np.ptp(u), 1e-12)] = 1.0
+            at[high - u <= EDGE * max(np.ptp(u), 1e-12 * np.max(np.abs(u)))] = 1.0
         return at
     return np.clip((u - low) / (high - low), 0.0, 1.0)
 

@@ -137,9 +137,22 @@ class Compound:
     derivatives: dict[str, ca.Function]
     links: int  # number of rows that tie the phases, after those of the phases
 
+    @property
+    def sizes(self) -> tuple[float, Array]:
+        """What the solver divides cost and rows by; the rows that tie the phases are divided already."""
+        return self.programmes[0].scaling.cost, np.concatenate(
+            [*(p.sizes for p in self.programmes), np.ones(self.links)]
+        )
 
-def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Compound:
-    """Return the programmes of a sequence tied by its links; one alone stays as it is."""
+
+def join(programmes: tuple[Programme, ...], sequence: Sequence | None, sizes: Several[Array]) -> Compound:
+    """Return the programmes of a sequence tied by its links; one alone stays as it is.
+
+    Args:
+        programmes: of the phases, with the same size of the cost.
+        sequence: that they belong to; None for one alone.
+        sizes: magnitudes of what the links make continuous, of every junction.
+    """
     if sequence is None:
         only = programmes[0]
         return Compound(programmes, dict(only.nlp), dict(only.derivatives), 0)
@@ -149,8 +162,11 @@ def join(programmes: tuple[Programme, ...], sequence: Sequence | None) -> Compou
     ss = ca.vertsplit(s, np.cumsum([0, *(p.nlp["p"].numel() for p in programmes)]).tolist())
     tied = ca.vertcat(
         *(
-            _at_junction(after, sequence.sides[k][1], zs[k + 1], ss[k + 1], 0)
-            - _at_junction(before, sequence.sides[k][0], zs[k], ss[k], -1)
+            (
+                _at_junction(after, sequence.sides[k][1], zs[k + 1], ss[k + 1], 0)
+                - _at_junction(before, sequence.sides[k][0], zs[k], ss[k], -1)
+            )
+            / ca.DM(sizes[k])
             for k, (before, after) in enumerate(pairwise(programmes))
         )
     )

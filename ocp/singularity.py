@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import casadi as ca
 import numpy as np
 
+from ocp.boundary import ends
 from ocp.constraint import Where, simple
-from ocp.guess import ends
 from ocp.problem import Problem
 from ocp.regularity import meeting, met_at, quantities
 from ocp.solution import Solution

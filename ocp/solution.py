@@ -153,8 +153,7 @@ class Solution:
 
     def rate(self, t: Array | float) -> Array:
         """Return dx/dt of the interpolant at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
-        widths = self.duration * self.grid.widths
-        return self._evaluate(t, self.data / widths[:, None, None], self.scheme.slope_at)
+        return self._evaluate(t, self.data / self._seconds[:, None, None], self.scheme.slope_at)
 
     def u(self, t: Array | float) -> Array:
         """Return the control at times t [s], from the right where it jumps, shape (len(t), nu) or (nu,)."""
@@ -197,7 +196,9 @@ class Solution:
     def error(self) -> Array:
         """(N,) relative local error of the dynamics on every element.
 
-        e_k = max_i integral over the element of |dx_i/dt - f_i(x, u)| dt / (1 + max |x_i|)
+        e_k = max_i integral over the element of |dx_i/dt - f_i(x, u)| dt / s_i
+
+        with s_i the largest |x_i|, at least a thousandth of the largest state with the same unit.
 
         The residual is zero at the collocation points, where it changes its sign; a Gauss quadrature of four points
         runs between every two of them.
@@ -220,7 +221,11 @@ class Solution:
         each = missed.reshape(len(self.grid), len(tau), -1)
         widths = self.duration * self.grid.widths
         integral = np.einsum("ksa,s->ka", each, shares) * widths[:, None]
-        relative: Array = np.max(integral / (1.0 + np.max(np.abs(x), axis=0)), axis=1)
+        span = np.max(np.abs(x), axis=0)
+        units = [label.unit for label in system.label("x", len(span))]
+        floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
+        size = np.maximum(span, floor)
+        relative: Array = np.max(integral / np.where(size > 0.0, size, 1.0), axis=1)
         return relative
 
     def samples(self, tau: Array) -> tuple[Array, Array, Array, Array]:
@@ -236,7 +241,7 @@ class Solution:
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
         x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
-        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / widths[:, None, None])
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / self._seconds[:, None, None])
         u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
@@ -262,34 +267,13 @@ class Solution:
             raise ValueError(f"t: got {times.min()} .. {times.max()} s, the motion lasts from 0 to {self.duration} s")
         return np.atleast_1d(times)
 
+    @property
+    def _seconds(self) -> Array:
+        """(N,) durations of the elements; those of a motion of no duration, which rests, are one."""
+        widths: Array = self.duration * self.grid.widths
+        return widths if self.duration > 0.0 else np.ones(len(widths))
+
     def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
         element, tau = self._place(self._times(t))
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
-
-
-def with_model(function: str, solution: object, problem: Problem | None) -> Problem:
-    """Return the problem of a solution, or the one given for a solution that was loaded without it.
-
-    Args:
-        function: that asks, for the message.
-        solution: what was given as one.
-        problem: what was given for it; None for its own.
-
-    Raises:
-        TypeError: no Solution, or no Problem.
-        ValueError: no problem at all, or one with another number of states or controls.
-    """
-    if not isinstance(solution, Solution):
-        raise TypeError(f"{function}: solution is {argument.shown(solution)}, expected a Solution of a Problem")
-    argument.instance(f"{function}: problem", problem, Problem | None, "a Problem, or None for that of the solution")
-    found = solution.problem if problem is None else problem
-    if found is None:
-        raise ValueError(f"{function}: this solution was loaded without its model; pass problem=...")
-    has, wanted = (
-        (found.system.x.numel(), found.system.u.numel()),
-        (solution.states.shape[2], solution.controls.shape[2]),
-    )
-    if has != wanted:
-        raise ValueError(f"{function}: problem has (nx, nu) = {has}, expected {wanted} as the solution")
-    return found

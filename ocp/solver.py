@@ -14,7 +14,7 @@ from ocp import argument, compilation
 from ocp.collocation import Scheme, radau
 from ocp.compilation import Compilation
 from ocp.continuation import multipliers
-from ocp.diagnosis import contradictions, explain, not_finite, remarks, warnings_before
+from ocp.diagnosis import contradictions, explain, not_finite, remarks
 from ocp.grid import Grid, uniform
 from ocp.guess import Guess, smooth
 from ocp.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
@@ -33,14 +33,17 @@ from ocp.phases import (
     phases_of,
 )  # fmt: skip
 from ocp.problem import Fixed, Problem, same_structure
-from ocp.programme import bounds, pack, unpack
-from ocp.scaling import from_limits, table, unscaled
+from ocp.programme import bounds, pack
+from ocp.rest import standstill, warnings_before
+from ocp.scaling import common, from_limits, sizes, table, unscaled
 from ocp.sequence import Compound, Sequence, SequenceSolution, join
-from ocp.singularity import singular_ends, touched
+from ocp.singularity import singular_ends
 from ocp.solution import Solution, Status, Timings
 from ocp.transcription import free_parameters, transcribe
+from ocp.unpacking import solutions_of
 
 Array = np.ndarray
+ROUNDING = 1e-13  # tolerance below which rounding decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +167,12 @@ class Prepared:
             nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
             answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
+        still = standstill(self.problem, values[0], guesses[0]) if isinstance(self.problem, Problem) else None
+        if still is not None:
+            z0 = pack(programmes[0], still[0], values[0])
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, still[1], Status.SOLVED, "not started", 0, 0.0, 0.0, {})
+            return self._outcome(answer, values, rung, time.perf_counter() - begun, [])
         parameters: list[Array] = []
         for programme, numbers in zip(programmes, values, strict=True):
             fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
@@ -171,10 +180,15 @@ class Prepared:
         settings = self.settings
         if duals is not None:
             settings = replace(settings, extra={**CONTINUED, **settings.extra})
-        chosen = build(self.compound.nlp, self.compound.derivatives, settings, warm=True) if warm else self.cold
+        chosen = (
+            build(self.compound.nlp, self.compound.derivatives, settings, True, self.compound.sizes)
+            if warm
+            else self.cold
+        )
         z0 = np.clip(z0, low, high)
         setup = time.perf_counter() - begun
-        answer = run(chosen, z0, np.concatenate(parameters), (low, high, rows[0], rows[1]), duals)
+        sides = low, high, rows[0], rows[1]
+        answer = run(chosen, z0, np.concatenate(parameters), sides, duals)
         return self._outcome(answer, values, rung, setup, [])
 
     def _outcome(
@@ -183,26 +197,12 @@ class Prepared:
         programmes = self.compound.programmes
         spent = max(answer.seconds - answer.derivatives, 0.0)
         timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
-        sizes = np.cumsum([p.layout.size for p in programmes])[:-1]
-        zs, limits = np.split(answer.z, sizes), np.split(answer.limits, sizes)
-        mus = np.split(answer.multipliers, np.cumsum([p.rows for p in programmes]))
-        solutions = []
-        for programme, z, mu, held, numbers in zip(programmes, zs, mus, limits, values, strict=False):
-            motion = unpack(programme, z, mu, held, numbers)
-            solutions.append(
-                Solution(
-                    answer.status, answer.status.value, answer.verbatim, motion.duration, answer.cost, motion.states,
-                    motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
-                    answer.iterations, programme.grid, programme.scheme, programme.problem, rung, answer.log,
-                    motion.multipliers,
-                )
-            )  # fmt: skip
-        status = answer.status
-        if status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(solutions)):
-            status = Status.FAILED  # the equations hold at nodes on both sides, and have no meaning between
-            solutions = [replace(solution, status=status) for solution in solutions]
+        solutions = solutions_of(answer, programmes, values, timings, rung)
+        status = solutions[0].status
         if not reasons:
             reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
+        if status is not Status.SOLVED and self.settings.tol < ROUNDING:
+            reasons = [*reasons, f"a tolerance of {self.settings.tol:g} is below rounding; try {ROUNDING:g}"]
         message = ": ".join([status.value, "; ".join(reasons)]) if reasons else status.value
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
@@ -244,13 +244,20 @@ def prepare(
     every = parameter_values(problem, values)
     given = made if isinstance(guess, STARTS) or _fresh(guess) else None
     guesses = chain(problem, every, smooth) if given is None else given
-    programmes, translate = [], compilation.compiled if compiled else None
-    for phase, numbers, first in zip(phases_of(problem), every, guesses, strict=True):
-        free = free_parameters(phase)
-        scaling = from_limits(phase, first, numbers, free) if solver.scaled else unscaled(phase, len(free))
-        programmes.append(transcribe(phase, scheme, grid, scaling, translate=translate))
-    compound = join(tuple(programmes), problem if isinstance(problem, Sequence) else None)
-    cold = build(compound.nlp, compound.derivatives, solver, warm=False)
+    parts = list(zip(phases_of(problem), guesses, every, strict=True))
+    scalings = common([
+        from_limits(phase, first, numbers, free_parameters(phase))
+        if solver.scaled else unscaled(phase, len(free_parameters(phase)))
+        for phase, first, numbers in parts
+    ])  # fmt: skip
+    translate = compilation.compiled if compiled else None
+    programmes = [
+        transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
+    ]
+    sequence = problem if isinstance(problem, Sequence) else None
+    links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
+    compound = join(tuple(programmes), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
+    cold = build(compound.nlp, compound.derivatives, solver, False, compound.sizes)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
 

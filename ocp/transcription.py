@@ -48,21 +48,29 @@ def transcribe(
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
+    held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
     element = _element(problem, scheme, layout, symbols, path_parts, tau, division.arc)
     ends = _ends(problem, scheme, layout, symbols, ends_parts)
 
     s = ca.MX.sym("s", np_ + fixed + n)
     p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
+    sizes = [
+        np.concatenate([np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.size(*k)) for k, t in held)]),
+        np.array([scaling.size(i, c) for i, c, _ in ends_parts]),
+    ]
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
     for condition in division.conditions:
         local = _chosen(problem, scheme, layout, symbols, condition, division.arc)
         blocks.append((local, [ca.repmat(p, 1, local.copies)]))
+        sizes.append(np.ones(local.rows))
     for near in division.near:
         reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
         blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
+        sizes.append(np.zeros(0))
     if division.total:
         blocks.append((_total(layout, scaling), []))
+        sizes.append(np.full(1, scaling.horizon))
     nlp, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
@@ -75,6 +83,7 @@ def transcribe(
         problem, scheme, grid, scaling, layout, free, nlp, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
         chosen, counts[-1] + np.arange(int(division.total)), compilation,
+        np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
 
 

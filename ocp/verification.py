@@ -10,10 +10,12 @@ import casadi as ca
 import numpy as np
 
 from ocp.constraint import Where
+from ocp.loaded import with_model
+from ocp.magnitude import extent
 from ocp.problem import Free, Problem
 from ocp.sequence import SequenceSolution
 from ocp.simulation import simulate
-from ocp.solution import Solution, with_model
+from ocp.solution import Solution
 
 Array = np.ndarray
 SAMPLES = 24  # places on each element at which limits are checked
@@ -86,11 +88,12 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 at 1e-12, ended at every jump of u, against
-    x(t); relative to the largest value of each state, or a thousandth of the largest with the same unit.
+    x(t); relative to the range of each state, or a thousandth of the largest with the same unit, or a thousandth of
+    what the controls could make of it.
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
-    switching: integral of sum_i H_i (u_i - u_i*) - H_ii (u_i - u_i*)^2 / 2, H_i = dH/du_i, with u_i* in its range where
-    that is largest (at an end if H is linear in u_i); for controls limited one by one. energy: signals "energy",
-    "power" and, if there, "loss", along the integrated motion.
+    switching: integral of what H loses when every control alone goes where a quadratic model of H is least in its
+    range; dH/du_i (u_i - u_i*) where H is linear in it, u_i* the end of its range that lowers H; for controls limited
+    one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
         solution: of any status; of a sequence, the worst figure of its phases counts, and gaps between them are
@@ -106,9 +109,9 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     if isinstance(solution, SequenceSolution):
         return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
     problem = with_model("verify", solution, problem)
-    scale = _sizes(solution, problem)
-    drift, end, energy = _reintegrate(solution, problem, scale)
-    beyond = excess(solution, problem)
+    scale, work = extent(solution, problem)
+    drift, end, energy = _reintegrate(solution, problem, scale, work)
+    beyond = excess(solution, problem, scale)
     relative = max(beyond, key=lambda pair: pair[0], default=(0.0, None))
     worst = relative[1]
     violation = Figure(
@@ -126,7 +129,8 @@ def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
         left, right = solution.problem.sides[k]
         path = before.signal(left, before.t)
         apart = np.abs(path[-1] - after.signal(right, 0.0))
-        size = np.maximum(np.max(np.abs(path), axis=0), 1e-12)
+        size = np.max(np.abs(path), axis=0)
+        size = np.where(size > 0.0, size, 1.0)
         for i, amount in enumerate(apart):
             figure = Figure(amount, "", "link", f"link {i + 1} at junction {k + 1}", before.duration)
             found.append((float(amount / size[i]), figure))
@@ -153,16 +157,7 @@ def _merged(reports: list[Report], gaps: list[tuple[float, Figure]]) -> Report:
     )  # fmt: skip
 
 
-def _sizes(solution: Solution, problem: Problem) -> Array:
-    """Return the largest value of each state, at least a thousandth of the largest with the same unit."""
-    span = np.max(np.abs(solution.states), axis=(0, 1))
-    units = [label.unit for label in problem.system.label("x", len(span))]
-    floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
-    size = np.maximum(span, floor)
-    return np.where(size > 0.0, size, 1.0)
-
-
-def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Figure, Figure, Figure]:
+def _reintegrate(solution: Solution, problem: Problem, scale: Array, least: float) -> tuple[Figure, Figure, Figure]:
     system = problem.system
     balance = [system.signals[name] for name in ("energy", "power") if name in system.signals]
     rate, x = system.rate, system.x
@@ -172,7 +167,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
         x, rate = ca.vertcat(x, work), ca.vertcat(rate, ca.sum1(supplied))
     augmented = type(system)(x, system.u, system.p, rate, nominal=system.nominal, singular=system.singular)
     x0 = np.append(solution.states[0, 0], [0.0] * (x.numel() - system.x.numel()))
-    atol = TIGHT * np.append(scale, np.ones(len(x0) - len(scale)))
+    atol = TIGHT * np.append(scale, _turned(solution, problem, supplied)) if len(balance) == 2 else TIGHT * scale
     nodes = solution.nodes
     unit, words = "share", "the size of each state"
     if solution.duration <= 0.0 or not np.all(np.isfinite(solution.states)):
@@ -192,20 +187,42 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array) -> tuple[Fi
     p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
     levels = np.array([float(level(xk, p)) for xk in moved.x[:, : len(scale)]])
     open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
-    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), 1e-300)
+    turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), least, 1e-300)
     return drift, end, Figure(float(np.max(open_)) / turned, "share", "the energy turned over")
 
 
-def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
-    """Return for every limited component its excess relative to its range, and in its unit with name and time."""
+def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
+    """Return the work (1,) done and taken along the motion, added up; one if there is none."""
+    system = problem.system
+    _, x, _, u = solution.samples(solution.scheme.points)
+    function = ca.Function("power", [system.x, system.u, system.p], [ca.sum1(ca.fabs(power))])
+    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
+    size = np.array(function.map(len(x))(x.T, u.T, np.tile(p[:, None], len(x)))) @ weights
+    return np.where(size > 0.0, size, 1.0)
+
+
+def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> list[tuple[float, Figure]]:
+    """Return for every limited component its excess relative to its range, and in its unit with name and time.
+
+    One without a range is measured by its largest value, or by what states of their sizes make of it.
+
+    Args:
+        solution: with finite states.
+        problem: whose limits they are.
+        scale: (nx,) sizes of the states; None for those of the motion.
+    """
     found = []
+    scale = extent(solution, problem)[0] if scale is None else scale
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     for constraint in problem.subject_to:
-        function = ca.Function("limit", [system.x, system.u, system.p], [constraint.expression])
-        motion = np.array(function.map(len(dense))(x.T, u.T, np.tile(p[:, None], len(dense))))
+        by_states = ca.mtimes(ca.fabs(ca.jacobian(constraint.expression, system.x)), scale)
+        outputs = [constraint.expression, ca.densify(by_states)]
+        function = ca.Function("limit", [system.x, system.u, system.p], outputs).map(len(dense))
+        motion, made = (np.array(part) for part in function(x.T, u.T, np.tile(p[:, None], len(dense))))
         if constraint.where is Where.PERIODIC:
             rows, values = slice(-1, None), motion[:, -1:] - motion[:, :1]
         else:
@@ -217,7 +234,7 @@ def excess(solution: Solution, problem: Problem) -> list[tuple[float, Figure]]:
             amount = max(float(beyond[c, place]), 0.0)
             sides = np.array([constraint.lower[c], constraint.upper[c]])
             reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
-            size = reach or float(np.max(np.abs(motion[c]))) or 1.0
+            size = reach or max(float(np.max(np.abs(motion[c]))), float(np.nan_to_num(np.max(made[c])))) or 1.0
             figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
             found.append((amount / size, figure))
     return found
@@ -229,21 +246,21 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     costate = ca.SX.sym("lambda", system.x.numel())
     hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
     terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
-    slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    curved = ca.densify(ca.diag(ca.jacobian(slope, system.u)))
-    function = ca.Function("H", [system.x, system.u, system.p, costate], [hamiltonian, slope, terms, curved])
+    curvature, slope = (ca.densify(part) for part in ca.hessian(hamiltonian, system.u))
+    arguments = [system.x, system.u, system.p, costate]
+    function = ca.Function("H", arguments, [hamiltonian, slope, ca.diag(curvature), terms])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
     found = function.map(times.size)(
         x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
     )
-    values, slopes, sizes, curvature = (np.array(part) for part in found)
+    values, slopes, bends, sizes = (np.array(part) for part in found)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)
     size = max(abs(problem.minimise.time), float(weights @ sizes[0] / total), 1e-300)
     horizon = problem.horizon
-    inside = isinstance(horizon, Free) and horizon.lower < solution.duration * (1.0 - 1e-9)
+    inside = isinstance(horizon, Free) and horizon.lower + 1e-9 * max(horizon.lower, horizon.guess) < solution.duration
     # A duration at its limit has a multiplier of its own, and the Hamiltonian another constant value.
     free = inside and isinstance(horizon, Free) and solution.duration * (1.0 + 1e-9) < horizon.upper
     target = -problem.minimise.time if free else mean
@@ -263,12 +280,12 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     best = np.where(
         slopes.T > 0.0, np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
     )
-    # Where H is curved the best control may lie before that end; exact for a cost with squares of the controls.
-    bent = curvature.T > 0.0
-    step = np.divide(slopes.T, curvature.T, out=np.zeros_like(u), where=bent)
-    best = np.where(bent, np.clip(u - step, np.minimum(u, best), np.maximum(u, best)), best)
-    gain = slopes.T * (u - best) - np.where(bent, curvature.T, 0.0) * (u - best) ** 2 / 2.0
-    gap = np.sum(np.maximum(gain, 0.0), axis=1)
+    # Along one control alone the least value of a convex Hamiltonian may come before its limit.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(bends.T > 0.0, slopes.T / bends.T, np.inf)
+    way = np.minimum(np.abs(u - best), np.abs(least))
+    gain = np.abs(slopes.T) * way - np.where(bends.T > 0.0, bends.T, 0.0) * way**2 / 2.0
+    gap = np.sum(np.where(slopes.T * (u - best) > 0.0, gain, 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
     where = times[int(np.argmax(gap))] if gap.size else np.nan
     return deviation, mean, offset, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)

@@ -66,6 +66,8 @@ class Numbers:
     x_scale: Array  # (nx,)
     u_scale: Array  # (nu,)
     duration_scale: float  # [s]
+    cost_scale: float
+    ends_scale: Array  # of the conditions at the ends, one after the other
     ipopt: dict[str, Any]  # IPOPT's options by their own names
 
 
@@ -108,6 +110,8 @@ def numbers(case: Case, elements: int, settings: Ipopt) -> Numbers:
         scaling.x,
         scaling.u,
         scaling.horizon,
+        scaling.cost,
+        np.concatenate(scaling.limits[: len(case.start) + len(case.end)]),
         dict(settings.options(warm=False)["ipopt"]),
     )
 

@@ -64,7 +64,7 @@ def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, s
     note = "" if stats["return_status"] == "Solve_Succeeded" else str(stats["return_status"])
     return Outcome(
         started - begun, inside, max(spent - inside, 0.0), time.process_time() - cpu,
-        stats["iter_count"], float(result["f"]), note=note,
+        stats["iter_count"], given.cost_scale * float(result["f"]), note=note,
     )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def describe(case: Case, given: Numbers, n: int) -> Element:
     for j in range(DEGREE):
         rate, running = rate_cost(nodes[:, j + 1] * given.x_scale, u * given.u_scale)
         defects.append(nodes @ slopes[:, j] - h * rate / given.x_scale)
-        cost += h * weights[j] * running
+        cost += h * weights[j] * running / given.cost_scale
     block = DEGREE * nx + nu
     start = block * np.arange(n)
     own, last = np.arange(DEGREE * nx)[:, None], np.arange(nx)[:, None]
@@ -89,16 +89,19 @@ def describe(case: Case, given: Numbers, n: int) -> Element:
     places = np.vstack([start + own, start + block + last, start + control, shared])
 
     first, final = ca.SX.sym("first", nx), ca.SX.sym("final", nx)
-    rows = []
+    rows, place = [], 0
     for pins, end in ((case.start, first), (case.end, final)):
         for expression, values in pins:
+            sizes = given.ends_scale[place : place + expression.numel()]
+            place += expression.numel()
             if not expression.is_valid_input():
                 found = ca.Function("end", [case.system.x], [expression])(end * given.x_scale)
-                rows.append(found - ca.DM(list(values)))
+                rows.append((found - ca.DM(list(values))) / ca.DM(sizes))
     ends_places = np.concatenate([np.arange(nx), n * block + np.arange(nx)])
+    time = given.duration_scale / given.cost_scale if free else 0.0
     return Element(
         ca.vertcat(ca.vec(nodes), u, duration), ca.vertcat(*defects), cost, places,
-        first, final, ca.densify(ca.vertcat(*rows)), ends_places, size, given.duration_scale if free else 0.0,
+        first, final, ca.densify(ca.vertcat(*rows)), ends_places, size, time,
     )  # fmt: skip
 
 

@@ -231,7 +231,7 @@ def describe(
         )
     if isinstance(solution, SequenceSolution):
         say(f"legs         {', '.join(f'{leg.duration:.6f}' for leg in solution.phases)} s")
-    say(f"drift        {report.drift:.1e} of the largest state, re-integrated at 1e-12")
+    say(f"drift        {report.drift:.1e} of the range of its state, re-integrated at 1e-12")
     where = f" ({report.violation.what})" if report.violation > 0.0 else ""
     say(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
     say(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")

@@ -212,5 +212,6 @@ def test_misprinted_two_link_arm_is_another_one():
 def test_published_to_its_digits(make, scheme):
     known = make()
     solution = solved(known, scheme)
-    assert solution.cost == pytest.approx(known.cost, rel=1e-6)
+    last = 10.0 ** -len(str(known.cost).partition(".")[2])  # the last published digit is rounded
+    assert solution.cost == pytest.approx(known.cost, rel=1e-6, abs=0.51 * last)
     assert_verified(solution)
