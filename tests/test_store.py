@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from ocp.store import APPLICATION, SCHEMA, Record, Store, StoreError
+from ocp.record import Record
+from ocp.store import APPLICATION, SCHEMA, Store, StoreError
 
 ROOT = Path(__file__).parent.parent
 
@@ -181,7 +182,7 @@ def test_no_store_and_no_file(tmp_path):
     with pytest.raises(StoreError, match="no such store"):
         Store(tmp_path / "none.db", write=False)
     assert not (tmp_path / "none.db").exists()
-    with pytest.raises(StoreError, match="is a folder"):
+    with pytest.raises(ValueError, match="expected the path of a file"):
         Store(tmp_path)
     with pytest.raises(StoreError, match="cannot be opened"):
         Store(tmp_path / "no" / "folder" / "s.db")
