@@ -207,9 +207,8 @@ class Prepared:
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
         return SequenceSolution(
-            tuple(solutions), status, message, answer.verbatim, answer.cost, timings, answer.iterations,
-            self.problem,
-        )  # fmt: skip
+            tuple(solutions), status, message, answer.verbatim, answer.cost, timings, answer.iterations, self.problem
+        )
 
 
 def prepare(

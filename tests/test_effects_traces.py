@@ -196,7 +196,7 @@ def test_fields_say_what_is_wrong():
         (lambda: canonical(arm, [RotorInertia(1e-4, coupling=np.eye(3).tolist())]), r"shape \(3, 3\), spherical has 4"),
         (
             lambda: canonical(arm, [MotorDrive(0.1, (1.0, 1.0, None, 1.0))]),
-            r"^motor_drive: the motor of phi lacks a value",
+            r"^motor_drive\.resistance_3: got None, expected a number, as this drive has the rest",
         ),
         (lambda: canonical(arm, [ElasticDrive(1e4, (1.0, 1.0, None, 1.0))]), r"^elastic_drive\.inertia_3: got None"),
     ):
