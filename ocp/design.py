@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -211,8 +211,7 @@ def plain_rows(name: str, rows: object) -> tuple[Case, ...]:
         TypeError, ValueError: something else.
     """
     wanted = "a list of at least one mapping name -> value"
-    argument.instance(name, rows, Iterable, wanted)
-    found = [] if isinstance(rows, str | bytes | Mapping) else list(rows)  # type: ignore[call-overload]
+    found = argument.several(name, rows, wanted)
     if not found or not all(isinstance(row, Mapping) and row for row in found):
         raise argument.refused(name, rows, wanted)
     first = [str(one) for one in found[0]]

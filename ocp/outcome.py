@@ -56,11 +56,7 @@ def sweep(
     if executor is not None and not callable(getattr(executor, "submit", None)):
         told = argument.shown(executor)
         raise TypeError(f"sweep: executor is {told}, expected a concurrent.futures.Executor or None")
-    several = "a list of mappings name -> value"
-    argument.instance("sweep: cases", cases, Iterable, several)
-    if isinstance(cases, str | bytes | Mapping):
-        raise TypeError(f"sweep: cases is {argument.shown(cases)}, expected {several}")
-    rows = list(cases)
+    rows = argument.several("sweep: cases", cases, "a list of mappings name -> value")
     for number, case in enumerate(rows):
         argument.mapping(f"sweep: case {number} of cases", case, "a mapping name -> value")
         for name in case:

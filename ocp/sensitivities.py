@@ -102,8 +102,8 @@ class Sensitivity:
         known = {"x": system.x, "u": system.u}
         expression = signal if isinstance(signal, ca.SX) else known[signal] if signal in known else system[signal]
         system.check_symbols("signal", expression)
-        times = np.atleast_1d(t)
-        self.solution.locate(times)
+        self.solution.locate(t)
+        times = np.atleast_1d(np.asarray(t, dtype=float))
         every = {
             name: one.signal(self.solution, self.problem, expression, times, held)
             for name, one in self.variations.items()

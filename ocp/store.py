@@ -109,10 +109,7 @@ class Store:
     def records(self, ids: Iterable[str]) -> dict[str, Record]:
         """Return the records of those cases that are finished, without their solutions."""
         found: dict[str, Record] = {}
-        argument.instance("ids", ids, Iterable, "a list of identities")
-        if isinstance(ids, str | bytes):
-            raise argument.refused("ids", ids, "a list of identities")
-        wanted = list(ids)
+        wanted = argument.several("ids", ids, "a list of identities")
         for one in wanted:
             argument.text("ids, each", one)
         with self._plainly("cannot be read"):
@@ -225,7 +222,8 @@ class Store:
             connection = self._connection
             found = connection.execute("pragma quick_check(1)").fetchone()
             if found is None or found[0] != "ok":
-                raise StoreError(f"{self.path}: is damaged ({found[0] if found else 'unreadable'}); left untouched")
+                told = " ".join(str(found[0] if found else "unreadable").split())
+                raise StoreError(f"{self.path}: is damaged ({told}); left untouched")
             if connection.execute("pragma application_id").fetchone()[0] != APPLICATION:
                 connection.execute("begin immediate")
                 # Another process may have been faster.
@@ -268,7 +266,7 @@ class Store:
         except OSError as error:
             raise StoreError(f"{self.path}: {what}: {error.strerror or error}") from error
         except (TypeError, ValueError) as error:
-            raise StoreError(f"{self.path}: is damaged: {error}; it was left untouched") from error
+            raise StoreError(f"{self.path}: is damaged: {error}") from error
 
 
 def now() -> str:

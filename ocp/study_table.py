@@ -137,7 +137,7 @@ class StudyTable:
         content = self.read(record.id, "solution") if record else None
         if content is None or record is None:
             raise ValueError(f"solution: nothing is stored for case {number}, {self.cases[number]}")
-        return decode(content, problem, record.id)
+        return decode(content, problem, f"solution of case {number}, {argument.shown(self.cases[number])}")
 
     def as_arrays(self) -> dict[str, Array]:
         """Return column -> array (n,)."""
