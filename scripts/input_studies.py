@@ -121,7 +121,6 @@ def stores() -> tuple[Call, ...]:
     return (
         Call("ocp.Store", ocp.Store, {
             "path": A(example.folder() / "store.db", OPTIONAL | {"text"}), "write": A(True, TRUTH)}, ocp.Store.close),
-        Call("ocp.StoreError", ocp.StoreError),
         Call("Store.begin", store.begin, {
             "study": A("study", ANY_TEXT), "about": A({"grid": "4"}, frozenset({"map", "names"}))}),
         Call("Store.records", store.records, {"ids": A(["one"], LIST | {"words", "map", "names"})}),

@@ -45,6 +45,24 @@ def test_what_is_stored_is_read_back(tmp_path):
         assert store.of_study("study") == ["one", "two"]
 
 
+def test_tuples_of_a_case_stay_tuples(tmp_path):
+    case = {"goal": (1.0, (2.0, 3.0)), "form": "x", "count": 3, "held": True}
+    with Store(tmp_path / "s.db") as store:
+        store.finish("study", record("one", parameters=case))
+        assert store.records(["one"])["one"].parameters == case
+
+
+def test_a_row_that_no_study_wrote_is_damage_that_names_the_file(tmp_path):
+    path = tmp_path / "s.db"
+    with Store(path) as store:
+        store.finish("study", record("one"))
+        for change, words in (("results = '[1]'", "results"), ("attempts = 'many'", "attempts")):
+            store._connection.execute(f"update cases set {change}")
+            with pytest.raises(StoreError, match=f"s.db: is damaged: {words}"):
+                store.records(["one"])
+            store.finish("study", record("one"))
+
+
 def test_a_later_record_replaces_the_earlier_one_with_its_solutions(tmp_path):
     with Store(tmp_path / "s.db") as store:
         store.finish("study", record("one", solutions={"phase 1": b"a", "phase 2": b"b"}))
