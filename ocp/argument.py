@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +158,14 @@ def places(name: str, value: object, expected: str, low: float = -FAR, high: flo
     if array is None or not fits or not np.all((array >= low) & (array <= high)):
         raise refused(name, value, expected)
     return np.atleast_1d(array)
+
+
+def several(name: str, value: object, expected: str) -> list[Any]:
+    """Return what a list or another iterable holds; texts, mappings, arrays and symbols are none."""
+    single = str | bytes | Mapping | np.ndarray | ca.SX | ca.MX | ca.DM | type  # type: ignore[type-arg]
+    if isinstance(value, single) or not isinstance(value, Iterable):
+        raise TypeError(_told(name, value, expected))
+    return list(value)
 
 
 def mapping(name: str, value: object, expected: str) -> None:

@@ -25,6 +25,8 @@ from pathlib import Path
 
 import casadi as ca
 
+from ocp import argument
+
 # -Og takes 0.65-0.8 of the processor seconds of -O1 and its code runs as fast; -O2 and -O3 take twice as long as -Og
 # for code that runs up to 5 % faster. No fused operations: the same roundings everywhere.
 FLAGS = ("-Og", "-fPIC", "-shared", "-ffp-contract=off")
@@ -60,7 +62,12 @@ def pays(cases: int, derivatives: float) -> bool:
     Args:
         cases: solves that are still to come with one programme, on all workers.
         derivatives: seconds that the functions of one solve take uncompiled, `solution.timings.derivatives`.
+
+    Raises:
+        ValueError: cases is no whole number >= 0, or derivatives no time.
     """
+    argument.whole("pays: cases", cases, 0)
+    argument.number("pays: derivatives", derivatives, "a number of seconds >= 0", at_least=0.0)
     return cases * SAVED * derivatives > COMPILING
 
 
@@ -84,8 +91,12 @@ def compiled(functions: Sequence[ca.Function]) -> Compilation:
         belongs to the user alone, or if the compiler fails.
 
     Raises:
+        TypeError: something that is no list of functions.
         ValueError: two functions of one name.
     """
+    argument.instance("functions", functions, list | tuple, "a list of CasADi functions")
+    for function in functions:
+        argument.instance("functions, each", function, ca.Function, "a CasADi function")
     names = [function.name() for function in functions]
     if len(set(names)) < len(names):
         raise ValueError(f"functions: got the names {', '.join(names)}, expected different ones")

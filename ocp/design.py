@@ -10,6 +10,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ocp import argument
+
+MOST = 10_000_000  # points of a sample
+PLAIN = "a finite number, a text, a truth value or a tuple of them"
 Value = float | int | bool | str | tuple[Any, ...]
 Case = dict[str, Value]
 
@@ -30,7 +34,7 @@ class Product:
         axes: name -> values: numbers, texts, truth values, or tuples of numbers.
 
     Raises:
-        ValueError: no axis, an empty one, or a value that is not plain.
+        TypeError, ValueError: no axis, an empty one, or a value that is not plain.
     """
 
     axes: Mapping[str, Sequence[Any]]
@@ -56,16 +60,15 @@ class Zip:
         axes: name -> values, equally many on every axis.
 
     Raises:
-        ValueError: as for Product, or axes of different length.
+        TypeError, ValueError: as for Product, or axes of different length.
     """
 
     axes: Mapping[str, Sequence[Any]]
 
     def __post_init__(self) -> None:
         axes = _axes("Zip", self.axes)
-        lengths = {name: len(values) for name, values in axes.items()}
-        if len(set(lengths.values())) > 1:
-            counts = ", ".join(f"{name} {count}" for name, count in lengths.items())
+        if len({len(values) for values in axes.values()}) > 1:
+            counts = ", ".join(f"{name} {len(values)}" for name, values in axes.items())
             raise ValueError(f"Zip: the axes have different numbers of values ({counts}), expected equally many")
         object.__setattr__(self, "axes", axes)
 
@@ -82,20 +85,13 @@ class Listed:
         rows: mappings name -> value, all with the same names.
 
     Raises:
-        ValueError: no row, a row with other names, or a value that is not plain.
+        TypeError, ValueError: no row, a row with other names, or a value that is not plain.
     """
 
     rows: Sequence[Mapping[str, Any]]
 
     def __post_init__(self) -> None:
-        rows = list(self.rows)
-        if not rows or not all(isinstance(row, Mapping) for row in rows):
-            raise ValueError(f"Listed: got {self.rows!r}, expected at least one mapping name -> value")
-        for number, row in enumerate(rows):
-            if set(row) != set(rows[0]):
-                raise ValueError(f"Listed: case {number} has {', '.join(row)}, the first one {', '.join(rows[0])}")
-        plain_rows = tuple({name: plain(f"Listed: {name}", row[name]) for name in rows[0]} for row in rows)
-        object.__setattr__(self, "rows", plain_rows)
+        object.__setattr__(self, "rows", plain_rows("Listed: rows", self.rows))
 
     def cases(self) -> list[Case]:
         """Return the cases in order."""
@@ -112,7 +108,7 @@ class Random:
         seed: the same seed gives the same points.
 
     Raises:
-        ValueError: a range that is no pair of numbers lower < upper, count < 1.
+        TypeError, ValueError: a range that is no pair of numbers lower < upper, count < 1 or beyond ten million.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -137,7 +133,7 @@ class LatinHypercube:
         seed: the same seed gives the same points.
 
     Raises:
-        ValueError: as for Random.
+        TypeError, ValueError: as for Random.
         ImportError: SciPy is missing.
 
     Source: McKay, Beckman, Conover, A comparison of three methods for selecting values of input variables,
@@ -166,7 +162,7 @@ class Sobol:
         seed: the same seed gives the same points.
 
     Raises:
-        ValueError: as for Random.
+        TypeError, ValueError: as for Random.
         ImportError: SciPy is missing.
 
     Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7, 1967; Owen scrambling; scipy.stats.qmc.
@@ -198,38 +194,66 @@ def plain(name: str, value: object) -> Value:
         return tuple(plain(name, one) for one in value)
     if isinstance(value, bool | str):
         return value
-    if isinstance(value, int | float) and math.isfinite(value):
-        return value
-    raise ValueError(f"{name}: got {value!r}, expected a finite number, a text, a truth value or a tuple of numbers")
+    if not isinstance(value, int | float):
+        raise argument.refused(name, value, PLAIN)
+    argument.number(name, value, PLAIN)
+    return value
+
+
+def plain_rows(name: str, rows: object) -> tuple[Case, ...]:
+    """Return cases with plain values.
+
+    Args:
+        name: of the argument.
+        rows: mappings name -> value, all with the same names, at least one.
+
+    Raises:
+        TypeError, ValueError: something else.
+    """
+    wanted = "a list of at least one mapping name -> value"
+    found = argument.several(name, rows, wanted)
+    if not found or not all(isinstance(row, Mapping) and row for row in found):
+        raise argument.refused(name, rows, wanted)
+    first = [str(one) for one in found[0]]
+    for number, row in enumerate(found):
+        for one in row:
+            argument.text(f"{name}, names of case {number}", one)
+        if row.keys() != found[0].keys():
+            raise ValueError(
+                f"{name}: case {number} has {', '.join(row)}, the first one {', '.join(first)}; give the same"
+            )
+    return tuple({one: plain(f"{name}, {one!r}", row[one]) for one in found[0]} for row in found)
 
 
 def _axes(design: str, axes: Mapping[str, Sequence[Any]]) -> dict[str, tuple[Value, ...]]:
     if not isinstance(axes, Mapping) or not axes:
-        raise ValueError(f"{design}: got {axes!r}, expected at least one axis, name -> values")
+        raise argument.refused(f"{design}: axes", axes, "at least one axis, name -> values")
     found = {}
     for name, values in axes.items():
-        if not isinstance(name, str):
-            raise ValueError(f"{design}: the axis {name!r} has no text as a name")
-        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or len(values) == 0:
-            raise ValueError(f"{design}: the axis {name!r} is {values!r}, expected a list with at least one value")
-        found[name] = tuple(plain(f"{design}: axis {name!r}", value) for value in values)
+        argument.text(f"{design}: axes, each name", name)
+        axis = f"{design}: axis {name!r}"
+        values = values.tolist() if isinstance(values, np.ndarray) else values
+        if not isinstance(values, Sequence) or isinstance(values, str | bytes) or not values:
+            raise argument.refused(axis, values, "a list with at least one value")
+        found[name] = tuple(plain(axis, value) for value in values)
     return found
 
 
 def _check_box(design: Random | LatinHypercube | Sobol) -> None:
     kind = type(design).__name__
     if not isinstance(design.ranges, Mapping) or not design.ranges:
-        raise ValueError(f"{kind}: ranges is {design.ranges!r}, expected name -> (lower, upper)")
+        raise argument.refused(f"{kind}: ranges", design.ranges, "name -> (lower, upper)")
+    ranges = {}
     for name, pair in design.ranges.items():
-        try:
-            low, high = (float(side) for side in pair)
-        except (TypeError, ValueError):
-            raise ValueError(f"{kind}: the range of {name!r} is {pair!r}, expected (lower, upper)") from None
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise ValueError(f"{kind}: the range of {name!r} is {pair!r}, expected finite numbers lower < upper")
-    for name, value, least in (("count", design.count, 1), ("seed", design.seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-            raise ValueError(f"{kind}: {name} is {value!r}, expected a whole number >= {least}")
+        argument.text(f"{kind}: ranges, each name", name)
+        wanted = "(lower, upper), finite numbers lower < upper"
+        low, high = argument.column(f"{kind}: range of {name!r}", pair, 2, wanted)
+        if not low < high:
+            raise argument.refused(f"{kind}: range of {name!r}", pair, wanted)
+        ranges[name] = float(low), float(high)
+    object.__setattr__(design, "ranges", ranges)
+    argument.whole(f"{kind}: count", design.count, 1, MOST)
+    argument.whole(f"{kind}: seed", design.seed, 0)
 
 
 def _stretched(design: Random | LatinHypercube | Sobol, points: np.ndarray) -> list[Case]:

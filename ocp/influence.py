@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ocp import argument
 from ocp.lineage import neighbours
 from ocp.study_table import StudyTable
 
@@ -42,12 +43,13 @@ def influences(table: StudyTable, result: str = "duration") -> tuple[Influence, 
         result: name of a column.
 
     Raises:
+        TypeError: no table.
         KeyError: no such column.
-        ValueError: fewer solved cases than axes of numbers, or no such axis.
+        ValueError: a column without numbers, fewer solved cases than axes of numbers, or no such axis.
 
     Source: main effects and regression on standardised inputs: A. Saltelli et al., Global Sensitivity Analysis, 2008.
     """
-    y = table[result]
+    y = _numbers(table, result)
     names = [name for name in table.axes if table[name].dtype.kind in "if" and len(np.unique(table[name])) > 1]
     known = table.ok & np.isfinite(y)
     if not names or known.sum() <= len(names):
@@ -81,9 +83,11 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
         result: name of a column.
 
     Raises:
+        TypeError: no table.
         KeyError: no such column.
+        ValueError: a column without numbers.
     """
-    y = table[result]
+    y = _numbers(table, result)
     pairs = [(a, b) for a, b in neighbours(table.cases) if np.isfinite(y[a]) and np.isfinite(y[b])]
     slopes = {}
     for a, b in pairs:
@@ -101,6 +105,16 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
         if away > STEEP * beside + ROUNDING * abs(float(y[a])):
             found.append((a, b))
     return tuple(found)
+
+
+def _numbers(table: StudyTable, result: str) -> Array:
+    argument.instance("table", table, StudyTable, "the table of a study, study.run()")
+    argument.text("result", result, "the name of a column")
+    column = table[result]
+    if column.dtype.kind not in "fiu":
+        numeric = ", ".join(table.results) or "none"
+        raise argument.refused("result", result, f"a column of numbers, such as {numeric}")
+    return column
 
 
 def _main_effect(column: Array, y: Array, slope: float) -> float:

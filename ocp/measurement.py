@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from ocp import argument
 from ocp.solution import Solution
 
 
@@ -25,4 +28,26 @@ def measures(solution: Solution) -> dict[str, float]:
     )
     for name, most, square in zip(labels, peak, mean, strict=True):
         found[f"peak {name}"], found[f"rms {name}"] = float(most), float(np.sqrt(square))
+    return found
+
+
+def named_numbers(what: str, value: object) -> dict[str, float]:
+    """Return what a function noted as name -> number; None stands for no number.
+
+    Args:
+        what: returned it, for the message.
+        value: name -> number or truth value.
+
+    Raises:
+        TypeError: something else.
+    """
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what} returned {argument.shown(value)}, expected name -> number")
+    found = {}
+    for name, number in value.items():
+        truth = isinstance(number, bool | np.bool_)
+        array = np.array(np.nan) if number is None else argument.real(float(number) if truth else number)
+        if array is None or array.ndim:
+            raise TypeError(f"{what} returned {argument.shown(number)} as {name!r}, expected a number")
+        found[str(name)] = float(array)
     return found

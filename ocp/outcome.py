@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
+from ocp import argument
+
 AHEAD = 64  # cases handed to an executor before the first of them is taken back
 
 
@@ -50,12 +52,15 @@ def sweep(
     Raises:
         TypeError: function cannot be called, a case is no mapping, or executor has no submit.
     """
-    check(function, executor)
-    rows = []
-    for case in cases:
-        if not isinstance(case, Mapping):
-            raise TypeError(f"sweep: got the case {case!r}, expected a mapping name -> value")
-        rows.append(case)
+    check_function("sweep: function", function)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        told = argument.shown(executor)
+        raise TypeError(f"sweep: executor is {told}, expected a concurrent.futures.Executor or None")
+    rows = argument.several("sweep: cases", cases, "a list of mappings name -> value")
+    for number, case in enumerate(rows):
+        argument.mapping(f"sweep: case {number} of cases", case, "a mapping name -> value")
+        for name in case:
+            argument.text(f"sweep: cases, names of case {number}", name)
     return _outcomes(function, rows, executor)
 
 
@@ -98,9 +103,8 @@ def in_words(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
 
-def check(function: object, executor: object) -> None:
-    """Raise TypeError if the function cannot be called or the executor has no submit."""
+def check_function(name: str, function: object) -> None:
+    """Raise TypeError if what is given as a function cannot be called."""
     if not callable(function):
-        raise TypeError(f"got {function!r} as the function, expected one that can be called with a case")
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise TypeError(f"executor: got {executor!r}, expected a concurrent.futures.Executor or None")
+        told = argument.shown(function)
+        raise TypeError(f"{name} is {told}, expected one that can be called with a case")

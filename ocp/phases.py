@@ -87,8 +87,9 @@ def as_guesses(problem: Problem | Sequence, guess: Start | Several[Any]) -> list
     return made
 
 
-def check_settings(problem: object, scheme: object, grid: object, solver: object) -> None:
-    """Raise TypeError unless a solve is given a problem, a scheme, a grid and settings."""
+def check_settings(problem: object, scheme: object, grid: object, solver: object, compiled: object = False) -> None:
+    """Raise TypeError unless a solve is given a problem, a scheme, a grid, settings, and whether to compile."""
+    argument.truth("compiled", compiled)
     argument.instance("problem", problem, Problem | Sequence, "a Problem or a Sequence")
     argument.instance("scheme", scheme, Scheme, "a Scheme such as radau(3)")
     argument.instance("grid", grid, Grid, "a Grid such as uniform(50)")

@@ -10,9 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from ocp import argument
 from ocp.design import Case
 from ocp.outcome import in_words
-from ocp.store import LEASE, Record, Store
+from ocp.record import Record
+from ocp.store import LEASE, Store
 from ocp.work import Known, Task, Work, compute
 
 AHEAD = 128  # cases given to an executor at a time
@@ -104,6 +106,7 @@ def carry_out(
     Raises:
         StoreError: the store cannot be written.
         RuntimeError: the given executor broke.
+        TypeError: what is to make an executor makes something else.
     """
     known = store.records(ids)
     again = {name: record for name, record in known.items() if retry_failed and not record.ok}
@@ -115,7 +118,7 @@ def carry_out(
             state.ready.append(number)
     _tell(state, watch, None)
     make: Callable[[], Executor] | None = None if isinstance(executor, Executor) else executor
-    pool = executor if isinstance(executor, Executor) else make() if make else None
+    pool = executor if isinstance(executor, Executor) else _made(make) if make else None
     try:
         _loop(state, pool, make, watch)
     finally:
@@ -165,12 +168,20 @@ def _loop(
             suspects += [number for number in state.running.values() if number not in suspects]
             state.running.clear()
             pool.shutdown(wait=False, cancel_futures=True)
-            pool = make()
+            pool = _made(make)
         if time.monotonic() - renewed > LEASE / 4.0:
             state.store.renew()
             renewed = time.monotonic()
         if state.elsewhere:
             _look(state, watch)
+
+
+def _made(make: Callable[[], Executor]) -> Executor:
+    """Return a new executor."""
+    pool = make()
+    told = f"executor: {argument.shown(make)} made"
+    argument.instance(told, pool, Executor, "a concurrent.futures.Executor")
+    return pool
 
 
 def _taken(state: _State, number: int, watch: Callable[[Progress], None] | None) -> bool:

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp import argument
 from ocp.central_path import Optimum, settle, start
+from ocp.loaded import with_model
 from ocp.perturbation import WEAK, Derivative, Direction, differentiate
 from ocp.price import Price, prices
 from ocp.problem import Problem, same_structure
@@ -94,14 +96,13 @@ class Sensitivity:
             ValueError: t lies outside the motion.
             KeyError: no such signal.
         """
-        if not isinstance(held, Held):
-            raise TypeError(f"held: got {held!r}, expected {', '.join(map(str, Held))}")
-        if not isinstance(signal, str | ca.SX):
-            raise TypeError(f"signal: got {signal!r}, expected the name of a signal or an expression")
+        argument.instance("held", held, Held, ", ".join(map(str, Held)))
+        argument.instance("signal", signal, str | ca.SX, "the name of a signal or an expression")
         system = self.problem.system
         known = {"x": system.x, "u": system.u}
         expression = signal if isinstance(signal, ca.SX) else known[signal] if signal in known else system[signal]
         system.check_symbols("signal", expression)
+        self.solution.locate(t)
         times = np.atleast_1d(np.asarray(t, dtype=float))
         every = {
             name: one.signal(self.solution, self.problem, expression, times, held)
@@ -123,9 +124,18 @@ class Sensitivity:
         return {name: found[chosen] for name, found in self.switching.items()}
 
     def labels(self, signal: str, name: str) -> tuple[Label, ...]:
-        """Return what the components of `signal(signal, ...)[name]` are called, and their units."""
+        """Return what the components of `signal(signal, ...)[name]` are called, and their units.
+
+        Raises:
+            TypeError: no texts.
+            KeyError: no such signal.
+            ValueError: no such number.
+        """
         system = self.problem.system
-        size = {"x": system.x, "u": system.u}.get(signal, system.signals.get(signal, ca.SX())).numel()
+        argument.text("signal", signal, "the name of a signal")
+        if not isinstance(name, str) or name not in self.names:
+            raise argument.refused("name", name, f"one of {', '.join(self.names)}")
+        size = (system.x if signal == "x" else system.u if signal == "u" else system[signal]).numel()
         return tuple(
             Label(f"d {one.name} / d {name}", f"{one.unit or '1'} per unit of {name}")
             for one in system.label(signal, size)
@@ -196,9 +206,7 @@ def sensitivity(
             notes.append(f"{name}: cost by multipliers and by the motion differ by {found.gap[c]:.1e}")
     duration = {name: one.duration for name, one in variations.items()}
     if found.reason and found.unique and _timed(problem):
-        duration = {
-            name: float(cost / problem.minimise.time) for name, cost in zip(everything, found.cost, strict=True)
-        }
+        duration = dict(zip(everything, (float(cost / problem.minimise.time) for cost in found.cost), strict=True))
     switching = None
     if here.posed is not None:
         last = np.flatnonzero(np.diff(here.arc))
@@ -215,37 +223,36 @@ def sensitivity(
 
 
 def _checked(solution: Solution, problem: Problem | None) -> Problem:
-    if not isinstance(solution, Solution):
-        kind = type(solution).__name__
-        raise TypeError(
-            f"sensitivity: got a {kind}, expected a Solution; the phases of a sequence are Problems to solve"
-        )
-    problem = problem or solution.problem
-    if problem is None:
-        raise ValueError("sensitivity: this solution was loaded without its model; pass problem=...")
+    found = with_model("sensitivity", solution, problem)
     if not solution.ok:
         raise ValueError(f"sensitivity: {solution.message}; only a solved solution has derivatives, solve it first")
-    return problem
+    return found
 
 
 def _names(
     solution: Solution, problem: Problem, names: str | Sequence[str] | None, toward: Mapping[str, Problem] | None
 ) -> tuple[str, ...]:
     known = [name for name in problem.system.nominal if name not in solution.free]
+    argument.instance("names", names, str | list | tuple | None, "names of parameters, or None for all")
+    argument.instance("toward", toward, Mapping | None, "a dict name -> Problem, or None")
     chosen = tuple(known) if names is None else (names,) if isinstance(names, str) else tuple(names)
     listed = ", ".join(known) or "none"
-    for name in chosen:
+    for number, name in enumerate(chosen):
+        argument.text("names, each", name, "the name of a parameter")
+        if name in chosen[:number]:
+            raise ValueError(f"names: got {name!r} twice, expected different ones")
         if name in solution.free:
             raise ValueError(f"names: {name!r} is an unknown of this problem; given parameters are {listed}")
         if name not in known:
             raise ValueError(f"names: no parameter {name!r}; there are {listed}")
     for name, other in (toward or {}).items():
-        if not isinstance(other, Problem):
-            raise TypeError(f"toward: {name!r} leads to {other!r}, expected a Problem")
+        argument.text("toward, each name", name)
+        argument.instance(f"toward {name!r}", other, Problem, "a Problem")
         if name in chosen:
             raise ValueError(f"toward: {name!r} is a parameter already; choose another name")
     if not chosen and not toward:
-        raise ValueError(f"sensitivity: nothing to vary; given parameters are {listed}, toward= names other numbers")
+        told = "" if names is None else f"names: got {argument.shown(names)}, "
+        raise ValueError(f"{told}nothing to vary; there are the parameters {listed}, toward= names other numbers")
     return chosen
 
 

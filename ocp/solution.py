@@ -245,7 +245,7 @@ class Solution:
         u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
-    def locate(self, t: Array) -> tuple[Array, Array]:
+    def locate(self, t: Array | float) -> tuple[Array, Array]:
         """Return the element of each time and the place tau in [0, 1] on it.
 
         Raises:

@@ -238,7 +238,7 @@ def prepare(
     scheme = radau(3) if scheme is None else scheme
     grid = uniform(50) if grid is None else grid
     solver = Ipopt() if solver is None else solver
-    check_settings(problem, scheme, grid, solver)
+    check_settings(problem, scheme, grid, solver, compiled)
     made = None if guess is None or is_ladder(guess) else as_guesses(problem, guess)
     every = parameter_values(problem, values)
     given = made if isinstance(guess, STARTS) or _fresh(guess) else None

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import socket
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from ocp import argument
+from ocp.record import COLUMNS, Record, read, record_of, row_of, written
 
 APPLICATION = 0x48414D4C  # "HAML", what the file says it is
 SCHEMA = 1
@@ -45,30 +47,6 @@ class StoreError(OSError):
     """The store cannot be used; one sentence with the file and the reason."""
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
-    """What is stored about a case."""
-
-    id: str
-    parameters: Mapping[str, Any]
-    status: str  # "solved", "failed", or the name of the status of a solution
-    way: str
-    message: str
-    results: Mapping[str, float] = field(default_factory=dict)
-    timings: Mapping[str, float] = field(default_factory=dict)
-    origin: str | None = None
-    structure: str | None = None
-    attempts: int = 1
-    finished: str = ""
-    host: str = ""
-    solutions: Mapping[str, bytes] = field(default_factory=dict)  # not read back with the record
-
-    @property
-    def ok(self) -> bool:
-        """Whether the case was solved."""
-        return self.status == "solved"
-
-
 class Store:
     """A store that is open; several processes may have it open at once.
 
@@ -77,20 +55,22 @@ class Store:
         write: False to read only.
 
     Raises:
+        TypeError, ValueError: no path of a file, or write neither True nor False.
         StoreError: no store, a damaged one, one of a newer version, or no right to write; it stays untouched.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, write: bool = True) -> None:
-        self.path = Path("memory" if path is None else path)
+        argument.truth("write", write)
+        self.path = Path("memory") if path is None else argument.path("path", path)
         self._host, self._pid = socket.gethostname(), os.getpid()
         if path is None:
             self._connection = sqlite3.connect(":memory:", isolation_level=None)
             self._set_up()
             return
-        fresh = not self.path.exists() or self.path.stat().st_size == 0
-        if fresh and not write:
-            raise StoreError(f"{self.path}: there is no such store")
         with self._plainly("cannot be opened"):
+            fresh = not self.path.exists() or self.path.stat().st_size == 0
+            if fresh and not write:
+                raise StoreError(f"{self.path}: there is no such store")
             if not fresh:
                 self._examine()
             self._connection = self._connect("rwc" if write else "rw")
@@ -115,60 +95,58 @@ class Store:
 
     def begin(self, study: str, about: Mapping[str, Any]) -> None:
         """Note a study and its settings, unless it is known already."""
+        argument.text("study", study)
+        words = written("about", about)
         with self._transaction() as connection:
-            connection.execute(
-                "insert or ignore into studies values (?, ?, ?)", (study, now(), json.dumps(about, sort_keys=True))
-            )
+            connection.execute("insert or ignore into studies values (?, ?, ?)", (study, now(), words))
 
     def studies(self) -> dict[str, dict[str, Any]]:
         """Return id -> settings of the studies in the store, oldest first."""
         with self._plainly("cannot be read"):
             rows = self._connection.execute("select id, about from studies order by rowid").fetchall()
-        return {name: json.loads(about) for name, about in rows}
+            return {name: read("about", about) for name, about in rows}
 
     def records(self, ids: Iterable[str]) -> dict[str, Record]:
         """Return the records of those cases that are finished, without their solutions."""
         found: dict[str, Record] = {}
-        wanted = list(ids)
-        columns = "id, parameters, status, way, message, results, timings, origin, structure, attempts, finished, host"
+        wanted = argument.several("ids", ids, "a list of identities")
+        for one in wanted:
+            argument.text("ids, each", one)
         with self._plainly("cannot be read"):
             for first in range(0, len(wanted), CHUNK):
                 part = wanted[first : first + CHUNK]
                 marks = ", ".join("?" * len(part))
-                for row in self._connection.execute(f"select {columns} from cases where id in ({marks})", part):
-                    name, parameters, status, way, message, results, timings, *rest = row
-                    numbers = {key: float("nan") if v is None else v for key, v in json.loads(results).items()}
-                    found[name] = Record(
-                        name, json.loads(parameters), status, way, message, numbers, json.loads(timings), *rest
-                    )
+                for row in self._connection.execute(f"select {COLUMNS} from cases where id in ({marks})", part):
+                    found[row[0]] = record_of(row)
         return found
 
     def of_study(self, study: str) -> list[str]:
         """Return the ids of the finished cases that were computed for a study, oldest first."""
+        argument.text("study", study)
         with self._plainly("cannot be read"):
             rows = self._connection.execute("select id from cases where study = ? order by rowid", (study,)).fetchall()
         return [row[0] for row in rows]
 
     def solution(self, case: str, name: str = "solution") -> bytes | None:
         """Return the content of a stored solution file, or None if there is none."""
+        argument.text("case", case)
+        argument.text("name", name)
         with self._plainly("cannot be read"):
             row = self._connection.execute(
                 "select content from solutions where id = ? and name = ?", (case, name)
             ).fetchone()
+            if row is not None:
+                argument.instance("solution", row[0], bytes, "the content of a solution file")
         return None if row is None else bytes(row[0])
 
     def finish(self, study: str, record: Record) -> None:
         """Store a case with its solutions and drop the claim on it, all in one transaction."""
-        numbers = {name: None if value != value else value for name, value in record.results.items()}
+        argument.text("study", study)
+        argument.instance("record", record, Record, "the Record of a case")
+        row = row_of(replace(record, finished=record.finished or now(), host=record.host or self._host))
+        marks = ", ".join("?" * len(row))
         with self._transaction() as connection:
-            connection.execute(
-                "insert or replace into cases values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    record.id, study, json.dumps(dict(record.parameters)), record.status, record.way, record.message,
-                    record.origin, record.structure, json.dumps(numbers), json.dumps(dict(record.timings)),
-                    record.attempts, record.finished or now(), record.host or self._host,
-                ),
-            )  # fmt: skip
+            connection.execute(f"insert or replace into cases (study, {COLUMNS}) values (?, {marks})", (study, *row))
             connection.execute("delete from solutions where id = ?", (record.id,))
             connection.executemany(
                 "insert into solutions values (?, ?, ?)", [(record.id, n, c) for n, c in record.solutions.items()]
@@ -177,6 +155,7 @@ class Store:
 
     def claim(self, case: str) -> bool:
         """Take a case for this process; False if another living process has it."""
+        argument.text("case", case)
         with self._transaction() as connection:
             row = connection.execute("select host, pid, until from claims where id = ?", (case,)).fetchone()
             if row is not None and (row[0], row[1]) != (self._host, self._pid) and self._lives(*row):
@@ -211,8 +190,6 @@ class Store:
 
     def _examine(self) -> None:
         """Refuse a file that is no store, without writing to it."""
-        if self.path.is_dir():
-            raise StoreError(f"{self.path}: is a folder, expected a store of studies")
         with self.path.open("rb") as file:
             head = file.read(100)
         if not head.startswith(MAGIC) or len(head) < 100:
@@ -230,9 +207,10 @@ class Store:
     def _read_only(self) -> None:
         """Read without the right to write; on a medium that cannot be written to as well."""
         try:
-            # A connection that may write removes its log when it closes.
-            self._connection.execute("pragma query_only = on")
-            self._connection.execute("select count(*) from studies")
+            with self._plainly("cannot be read", sqlite3.OperationalError):
+                # A connection that may write removes its log when it closes.
+                self._connection.execute("pragma query_only = on")
+                self._connection.execute("select count(*) from studies")
         except sqlite3.OperationalError:
             self._connection.close()
             with self._plainly("cannot be read"):
@@ -244,7 +222,8 @@ class Store:
             connection = self._connection
             found = connection.execute("pragma quick_check(1)").fetchone()
             if found is None or found[0] != "ok":
-                raise StoreError(f"{self.path}: is damaged ({found[0] if found else 'unreadable'}); left untouched")
+                told = " ".join(str(found[0] if found else "unreadable").split())
+                raise StoreError(f"{self.path}: is damaged ({told}); left untouched")
             if connection.execute("pragma application_id").fetchone()[0] != APPLICATION:
                 connection.execute("begin immediate")
                 # Another process may have been faster.
@@ -274,16 +253,20 @@ class Store:
                 raise
 
     @contextlib.contextmanager
-    def _plainly(self, what: str) -> Iterator[None]:
-        """Turn errors of SQLite and the file system into one sentence."""
+    def _plainly(self, what: str, *but: type[sqlite3.Error]) -> Iterator[None]:
+        """Turn errors of SQLite, of the file system and of what the file holds into one sentence."""
         try:
             yield
+        except but:
+            raise
         except sqlite3.Error as error:
             raise StoreError(f"{self.path}: {what}: {error}; what was stored before is kept") from error
         except StoreError:
             raise
         except OSError as error:
             raise StoreError(f"{self.path}: {what}: {error.strerror or error}") from error
+        except (TypeError, ValueError) as error:
+            raise StoreError(f"{self.path}: is damaged: {error}") from error
 
 
 def now() -> str:

@@ -11,14 +11,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from ocp import argument
 from ocp.collocation import Scheme
-from ocp.design import Case, Design, Product, plain
+from ocp.design import Case, Design, Product, plain_rows
 from ocp.grid import Grid
 from ocp.identity import canonical, digest, versions
 from ocp.ipopt import Ipopt
 from ocp.lineage import parents
 from ocp.measurement import measures
-from ocp.outcome import check
+from ocp.outcome import check_function
 from ocp.problem import Problem
 from ocp.schedule import Progress, carry_out
 from ocp.sequence import Sequence as Phases
@@ -86,26 +87,32 @@ class Study:
 
     def __post_init__(self) -> None:
         if not isinstance(self.function, Problem | Phases):
-            check(self.function, None)
+            check_function("Study: function", self.function)
         if isinstance(self.over, Mapping):
             object.__setattr__(self, "over", Product(self.over))
         if not callable(getattr(self.over, "cases", None)):
-            raise TypeError(
-                f"Study: over is {self.over!r}, expected name -> values, or a design such as Product, Sobol"
-            )
-        for name, kinds in (("scheme", Scheme | None), ("grid", Grid | None), ("solver", Ipopt)):
-            if not isinstance(getattr(self, name), kinds):
-                raise TypeError(f"Study: {name} is {getattr(self, name)!r}, expected {kinds}")
-        if isinstance(self.checked, bool | str) or not 0.0 <= self.checked <= 1.0:
-            raise ValueError(f"Study: checked is {self.checked!r}, expected a share between 0 and 1")
+            told = argument.shown(self.over)
+            raise TypeError(f"Study: over is {told}, expected name -> values, or a design such as Product, Sobol")
+        if self.store is not None:
+            argument.path("Study: store", self.store)
+        argument.instance("Study: scheme", self.scheme, Scheme | None, "a Scheme such as radau(3), or None")
+        argument.instance("Study: grid", self.grid, Grid | None, "a Grid such as uniform(50), or None")
+        argument.instance("Study: solver", self.solver, Ipopt, "settings of the solver, Ipopt(...)")
+        for name in ("polished", "neighbours", "slopes"):
+            argument.truth(f"Study: {name}", getattr(self, name))
+        argument.instance("Study: compiled", self.compiled, bool | None, "True, False, or None for where it pays")
+        share = "a share between 0 and 1"
+        if argument.number("Study: checked", self.checked, share, at_least=0.0) > 1.0:
+            raise argument.refused("Study: checked", self.checked, share)
         if not callable(self.measure):
-            raise TypeError(f"Study: measure is {self.measure!r}, expected a function of a Solution")
+            raise TypeError(f"Study: measure is {argument.shown(self.measure)}, expected a function of a Solution")
+        argument.mapping("Study: settings", self.settings, "name -> value")
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
         """The cases, each once, in the order of the design."""
         assert not isinstance(self.over, Mapping)
-        rows = [{name: plain(name, value) for name, value in case.items()} for case in self.over.cases()]
+        rows = plain_rows("Study: cases of over", self.over.cases())
         return tuple({canonical(row): row for row in rows}.values())
 
     @cached_property
@@ -164,12 +171,16 @@ class Study:
             watch: called with the progress after every case.
 
         Raises:
-            TypeError: executor is none.
+            TypeError, ValueError: an argument of the wrong kind, or a design without cases.
             StoreError: the store cannot be read or written; what was stored is kept.
             RuntimeError: the executor broke; what was stored is kept.
         """
         if executor is not None and not isinstance(executor, Executor) and not callable(executor):
-            raise TypeError(f"run: executor is {executor!r}, expected a concurrent.futures.Executor, or what makes one")
+            told = argument.shown(executor)
+            raise TypeError(f"run: executor is {told}, expected a concurrent.futures.Executor, or what makes one")
+        argument.truth("run: retry_failed", retry_failed)
+        if watch is not None and not callable(watch):
+            raise TypeError(f"run: watch is {argument.shown(watch)}, expected a function of the progress, or None")
         store = Store(self.store)
         try:
             store.begin(self.identity, self.about)

@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from ocp import argument
 from ocp.design import Case, Design, Product
 from ocp.problem import Problem
+from ocp.record import Record
 from ocp.solution import Solution
 from ocp.storage import decode
-from ocp.store import Record
 
 Array = np.ndarray
 WORDS = ("status", "way", "message")
@@ -76,8 +77,15 @@ class StudyTable:
         return {k: record.message for k, record in enumerate(self.records) if record is not None and not record.ok}
 
     def row(self, number: int) -> dict[str, Any]:
-        """Return all columns of a case."""
-        record = self.records[number]
+        """Return all columns of a case.
+
+        Args:
+            number: of the case.
+
+        Raises:
+            ValueError: no such case.
+        """
+        record = self.records[self._number(number)]
         words = {name: getattr(record, name) if record else "" for name in WORDS}
         words["status"] = words["status"] or "open"
         numbers = {name: record.results.get(name, math.nan) if record and record.ok else math.nan
@@ -85,14 +93,18 @@ class StudyTable:
         seconds = record.timings.get("total", math.nan) if record else math.nan
         return {**numbers, **self.cases[number], **words, "seconds": seconds}
 
+    def _number(self, number: object) -> int:
+        return argument.whole("number", number, 0, len(self) - 1, "a case")
+
     def __getitem__(self, name: str) -> Array:
         """Return a column (n,): numbers, or texts.
 
         Raises:
             KeyError: no such column.
         """
+        argument.text("column", name, "the name of a column")
         if name not in self.columns:
-            raise KeyError(f"no column {name!r}; this table has {', '.join(self.columns)}")
+            raise KeyError(f"no column {name!r}; there are {', '.join(self.columns)}")
         return np.array([row[name] for row in self])
 
     def grid(self, name: str) -> Array:
@@ -117,13 +129,15 @@ class StudyTable:
             problem: that it solves, if signals by name are wanted.
 
         Raises:
-            ValueError: nothing is stored for the case.
+            TypeError: problem is none.
+            ValueError: no such case, or nothing is stored for it.
         """
-        record = self.records[number]
+        argument.instance("problem", problem, Problem | None, "the Problem it solves, or None")
+        record = self.records[self._number(number)]
         content = self.read(record.id, "solution") if record else None
         if content is None or record is None:
             raise ValueError(f"solution: nothing is stored for case {number}, {self.cases[number]}")
-        return decode(content, problem, record.id)
+        return decode(content, problem, f"solution of case {number}, {argument.shown(self.cases[number])}")
 
     def as_arrays(self) -> dict[str, Array]:
         """Return column -> array (n,)."""
@@ -157,21 +171,30 @@ class StudyTable:
         return xarray.Dataset(data, coords={name: list(values) for name, values in self.design.axes.items()})
 
     def write_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write all columns; an existing file is replaced only when the new one is complete."""
+        """Write all columns; an existing file is replaced only when the new one is complete.
+
+        Raises:
+            TypeError, ValueError: no path of a file.
+            OSError: the file cannot be written.
+        """
+        target = argument.path("path", path)
         text = io.StringIO()
         writer = csv.writer(text)
         writer.writerow(self.columns)
         for row in self:
             values = [row[name] for name in self.columns]
             writer.writerow([repr(value) if isinstance(value, float) else value for value in values])
-        _replace(Path(path), text.getvalue().encode())
+        _replace(target, text.getvalue().encode())
 
     def write_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write all columns as Parquet; an existing file is replaced only when the new one is complete.
 
         Raises:
             ImportError: PyArrow is missing.
+            TypeError, ValueError: no path of a file.
+            OSError: the file cannot be written.
         """
+        target = argument.path("path", path)
         try:
             import pyarrow
             import pyarrow.parquet
@@ -180,7 +203,7 @@ class StudyTable:
         columns = {name: [row[name] for row in self] for name in self.columns}
         content = io.BytesIO()
         pyarrow.parquet.write_table(pyarrow.table(columns), content)
-        _replace(Path(path), content.getvalue())
+        _replace(target, content.getvalue())
 
     def __str__(self) -> str:
         counts = Counter(record.status if record else "open" for record in self.records)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ocp import argument
 from ocp.arcprogramme import ArcProgramme, prepare_arcs
 from ocp.arcs import ArcMotion, ArcProblem, arc_problem
 from ocp.certificate import EXCESS, certify, complaint
@@ -85,8 +86,7 @@ class PreparedStructure:
         begun = time.perf_counter()
         guess = self.origin if guess is None else guess
         self._check(guess)
-        if not isinstance(problem, Problem | None):
-            raise TypeError(f"problem: got {problem!r}, expected a Problem")
+        argument.instance("problem", problem, Problem | None, "a Problem, or None for that of the origin")
         if problem is not None and _alike(self.task.problem, problem):
             return self._elsewhere(values, problem, guess)
         new = self.task.problem if problem is None else same_structure(self.task.problem, problem)
@@ -122,8 +122,7 @@ class PreparedStructure:
         return replace(found, structure=structure, message=f"{found.status.value}; {words}")
 
     def _check(self, guess: Solution) -> None:
-        if not isinstance(guess, Solution):
-            raise TypeError(f"guess: got {guess!r}, expected a Solution")
+        argument.instance("guess", guess, Solution, "a Solution, or None for the origin")
         sizes, expected = ((one.scheme, one.states.shape[2], one.controls.shape[2]) for one in (guess, self.origin))
         if sizes != expected:
             raise ValueError(f"guess: has (scheme, nx, nu) = {sizes}, the structure was prepared with {expected}")
@@ -159,12 +158,14 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
         solver: settings of IPOPT; it is called only where there are fewer equations than unknowns.
 
     Raises:
-        TypeError: no Solution.
+        TypeError: no Solution, or no settings.
         ValueError: a solution without structure, or loaded without its problem.
     """
     begun = time.perf_counter()
     if not isinstance(polished, Solution):
-        raise TypeError(f"prepare_structure: got {polished!r}, expected a polished Solution")
+        told = argument.shown(polished)
+        raise TypeError(f"prepare_structure: polished is {told}, expected a polished Solution")
+    argument.instance("prepare_structure: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     if polished.problem is None:
         raise ValueError("prepare_structure: this solution was loaded without its model; use load(path, problem=...)")
     if polished.structure is None:

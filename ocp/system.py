@@ -120,7 +120,9 @@ class System:
             if name not in self.signals:
                 given = "limits" if name in self.limits else "initial"
                 raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
+        argument.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
         for place in self.singular:
+            argument.instance("System: singular, each", place, Singularity, "a Singularity")
             self.check_symbols("singular", place.quantity)
             if ca.depends_on(place.quantity, self.u):
                 raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")

@@ -14,19 +14,21 @@ from typing import Any
 
 import numpy as np
 
+from ocp import argument
 from ocp.collocation import Scheme
 from ocp.design import Case
 from ocp.grid import Grid
 from ocp.ipopt import Ipopt
 from ocp.ladder import DEFAULT, Smooth, StraightLine
+from ocp.measurement import named_numbers
 from ocp.outcome import in_words
 from ocp.polishing import polish
 from ocp.problem import Problem
+from ocp.record import Record
 from ocp.sequence import Sequence, SequenceSolution
 from ocp.solution import Solution
 from ocp.solver import Prepared, prepare
 from ocp.storage import decode, encode
-from ocp.store import Record
 from ocp.succession import PreparedStructure, prepare_structure
 from ocp.tangent import tangents
 
@@ -209,7 +211,7 @@ def _of_solution(work: Work, solution: Any, blank: Record, note: str = "") -> Re
         results = {"cost": float(solution.cost), "duration": float(solution.duration)}
         contents = {f"phase {k}": encode(phase) for k, phase in enumerate(solution.phases, 1)}
     else:
-        results = {name: float(value) for name, value in work.measure(solution).items()}
+        results = named_numbers("the measure", work.measure(solution))
         contents = {"solution": encode(solution)}
     seconds = solution.timings
     return replace(
@@ -230,13 +232,9 @@ def _of_value(work: Work, value: Any, blank: Record) -> Record:
     if isinstance(value, bool | int | float | np.number | np.bool_):
         value = {"value": value}
     if not isinstance(value, Mapping):
-        raise TypeError(f"the function returned {value!r}, expected a Problem, a Solution, a number or name -> number")
-    results = {}
-    for name, number in value.items():
-        if np.ndim(number) or not isinstance(number, bool | int | float | np.number | np.bool_ | None):
-            raise TypeError(f"the function returned {number!r} as {name!r}, expected a number")
-        results[str(name)] = float("nan") if number is None else float(number)
-    return replace(blank, status="solved", message="", results=results)
+        told = argument.shown(value)
+        raise TypeError(f"the function returned {told}, expected a Problem, a Solution, a number or name -> number")
+    return replace(blank, status="solved", message="", results=named_numbers("the function", value))
 
 
 def _place(error: BaseException) -> str:
@@ -279,7 +277,8 @@ class _Here:
 def _numbers(values: Case) -> dict[str, float]:
     for name, value in values.items():
         if isinstance(value, str | tuple | bool):
-            raise TypeError(f"{name} is {value!r}, expected a number as the value of a parameter of the problem")
+            told = argument.shown(value)
+            raise TypeError(f"{name} is {told}, expected a number as the value of a parameter of the problem")
     return {name: float(value) for name, value in values.items()}  # type: ignore[arg-type]
 
 

@@ -8,6 +8,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 
 from models import Motion, Parameter, cylindrical
@@ -17,14 +18,19 @@ from models.manipulator import Manipulator
 from models.terms import Effect
 from ocp import (
     Guess,
+    Ipopt,
     Prepared,
     Problem,
     Sequence,
     SequenceSolution,
     Solution,
+    Study,
+    StudyTable,
     System,
     point_to_point,
+    polish,
     prepare,
+    save,
     solve,
     uniform,
 )  # fmt: skip
@@ -105,3 +111,36 @@ def samples() -> Motion:
     t = np.linspace(0.0, 1.0, 40)
     noise = 1e-4 * np.random.default_rng(1).normal(size=(40, 3))
     return Motion.from_samples(t, motion().q(t) + noise)
+
+
+@cache
+def cart(mass: float = 1.0) -> Problem:
+    """Return the fastest motion of a mass on a line, a parameter, in a time that the hand can check."""
+    x, u, m = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("m")
+    line = System(x, u, m, ca.vertcat(x[1], u / m), {"q": x[0], "v": x[1], "u": u}, {"m": mass})
+    return point_to_point(line, [0.0], [1.0], u=1.0)
+
+
+@cache
+def polished() -> Solution:
+    """Return its polished solution."""
+    return polish(solve(cart(), grid=uniform(6), solver=Ipopt(progress=False)))
+
+
+def study() -> Study:
+    """Return a study of its mass."""
+    return Study(cart(), over={"m": [1.0, 1.5, 2.0]}, grid=uniform(4))
+
+
+@cache
+def table() -> StudyTable:
+    """Return the table of the study."""
+    return study().run()
+
+
+@cache
+def saved() -> bytes:
+    """Return the file of the solution."""
+    path = folder() / "saved.npz"
+    save(solution(), path)
+    return path.read_bytes()

@@ -46,7 +46,7 @@ def systems() -> tuple[Call, ...]:
             **spoken, "signals": A({"x1": x[0]}, MAP - OPTIONAL, ("signal",)),
             "nominal": A({"p": 1.0}, frozenset({"names"})),
             "labels": A({}, frozenset({"map"})), "notes": A((), LIST | {"words"}), "limits": A({}, frozenset({"map"})),
-            "initial": A({}, frozenset({"map"})),
+            "initial": A({}, frozenset({"map"})), "singular": A((), LIST),
         }),
         Call("System.label", arm.label, {"name": A("q", ANY_TEXT), "size": A(3, frozenset({"zero"}))}),
         Call("System.values", arm.values, {"given": A({"gravity.g": 9.0}, MAP, ("parameter",))}),
@@ -189,7 +189,8 @@ def solves() -> tuple[Call, ...]:
     ocp.save(solution, file)
     phases, later = example.sequence_solution(), frozenset({"zero", "half"})
     return (
-        Call("ocp.prepare", ocp.prepare, {"problem": A(problem), **common, **guess}),
+        Call("ocp.prepare", ocp.prepare, {
+            "problem": A(problem), **common, **guess, "compiled": A(False, TRUTH)}),
         Call("ocp.solve", ocp.solve, {"problem": A(problem), **common, **guess}),
         Call("ocp.multistart", ocp.multistart, {
             "problem": A(problem), "starts": A(1), "seed": A(0, frozenset({"zero"})), "executor": A(None, OPTIONAL),

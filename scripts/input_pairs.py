@@ -114,6 +114,24 @@ def parts() -> Iterator[Attempt]:
         ocp.Problem, arm, subject_to=ocp.along(ca.SX.sym("y"), 0.0)), ("along",)  # fmt: skip
     yield "an expression without components", bad(ocp.along, ca.SX(0, 1), 0.0), ("along", "expression")
     yield "a scheme without controls between", bad(ocp.polish, solution, scheme=ocp.radau(3)), ("scheme",)
+    polished, cart = example.polished(), example.cart()
+    carried = ocp.prepare_structure(polished)
+    yield "sensitivity with another problem", bad(ocp.sensitivity, polished, problem=problem), ("problem",)
+    yield "sensitivity without a problem", bad(ocp.sensitivity, _bare()), ("problem",)
+    yield "sensitivity by nothing", bad(ocp.sensitivity, polished, []), ("names",)
+    yield "sensitivity by one number twice", bad(ocp.sensitivity, polished, ["m", "m"]), ("names",)
+    yield "sensitivity of two phases", bad(ocp.sensitivity, example.sequence_solution()), ("solution",)
+    yield "sensitivity toward another problem", bad(ocp.sensitivity, polished, toward={"b": problem}), ("problem",)
+    yield "sensitivity toward nothing", bad(ocp.sensitivity, polished, toward={"b": None}), ("toward",)
+    yield "switches without a structure", bad(ocp.sensitivity(solution).switches, "tau"), ("switches",)
+    yield "a structure without a structure", bad(ocp.prepare_structure, solution), ("prepare_structure",)
+    yield "a structure for another problem", bad(carried, problem=problem), ("problem",)
+    yield "a structure from another guess", bad(carried, guess=solution), ("guess",)
+    yield "a design without cases", bad(_designed, []), ("cases",)
+    yield "a design of other names", bad(_designed, [{"m": 1.0}, {"k": 1.0}]), ("cases",)
+    for measured in (None, 3.0, {"q": "low"}, {"q": [1.0, 2.0]}, {"q": None, "v": 1j}):
+        run = bad(_measured, cart, measured)
+        yield f"a measure that returns {measured}", run, ("measure",)
     yield "a file of another problem", bad(_reloaded, small), ("problem",)
 
 
@@ -134,6 +152,28 @@ def _reached(run: Callable[[], ocp.Trajectory]) -> object:
     if not found.ok:
         raise ValueError(found.message)  # told by value, as an integration fails
     return found
+
+
+class _Given:
+    """A design of the user's own."""
+
+    def __init__(self, rows: Any) -> None:
+        self.rows = rows
+
+    def cases(self) -> Any:
+        """Return the cases."""
+        return self.rows
+
+
+def _designed(rows: Any) -> object:
+    return ocp.Study(example.cart(), over=_Given(rows)).run()
+
+
+def _measured(problem: ocp.Problem, value: Any) -> object:
+    study = ocp.Study(problem, over={"m": [1.0]}, grid=ocp.uniform(4), measure=lambda solution: value)
+    for message in study.run().failures.values():
+        raise ValueError(message)  # told by value, as a case fails
+    return None
 
 
 def _parts(tolerance: ocp.Tolerance) -> object:

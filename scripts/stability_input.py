@@ -11,6 +11,8 @@ import input_files
 import input_models
 import input_ocp
 import input_pairs
+import input_stores
+import input_studies
 from input_call import BAD, Call, Fault, answers, extremes
 from stability_case import Case, Figure
 
@@ -42,7 +44,8 @@ def _pairs() -> Iterator[Figure]:
 
 def _files() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
-        for _, found in groupby(input_files.answers(Path(folder)), key=lambda answer: answer[0]):
+        every = (*input_files.answers(Path(folder)), *input_stores.answers(Path(folder)))
+        for _, found in groupby(every, key=lambda answer: answer[0]):
             yield figure(found)
 
 
@@ -53,6 +56,10 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
     ("grids, schemes, guesses, settings, tolerances", input_ocp.grids),
     ("integrators and simulation", input_ocp.methods),
     ("solving, refining, verifying, solutions", input_ocp.solves),
+    ("designs and sweeps", input_studies.designs),
+    ("studies and their tables", input_studies.studies),
+    ("stores of studies", input_studies.stores),
+    ("sensitivities, structures carried over, compilation", input_studies.optima),
     ("machines, forms, scenes", input_models.machines),
     ("effects", input_models.acting),
     ("motions, paths, drives", input_models.motions),
@@ -60,5 +67,5 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
 CASES: tuple[Case, ...] = (
     *(Case("input", name, QUANTITY, "", _refused(package)) for name, package in PARTS),
     Case("input", "parts that do not belong together", "answers that are not one sentence naming one", "", _pairs),
-    Case("input", "broken files", "answers that are not one sentence naming the file", "", _files),
+    Case("input", "broken files and stores", "answers that are not one sentence naming the file", "", _files),
 )

@@ -6,6 +6,7 @@ import inspect
 
 import input_files
 import input_pairs
+import input_stores
 import pytest
 from input_call import BAD, Fault, answers, extremes, fault
 from stability_case import run
@@ -20,8 +21,9 @@ CALLS = {call.name: call for _, part in PARTS for call in part()}
 # Made by the product, not by users: what constructs them has been checked.
 MADE = {
     "ocp": {
-        "Accuracy", "Constraint", "Errors", "Multipliers", "Optimum", "Prepared", "Report", "Scheme",
-        "SequenceSolution", "Solution", "Structure", "Timings", "Trajectory",
+        "Accuracy", "Constraint", "Errors", "Multipliers", "Optimum", "Outcome", "Prepared", "PreparedStructure",
+        "Report", "Scheme", "Sensitivity", "SequenceSolution", "Solution", "StoreError", "Structure", "StudyTable",
+        "Timings", "Trajectory",
     },
     "models": {"DriveLoad", "Estimate", "Manipulator", "Motion", "TorqueTable"},
 }  # fmt: skip
@@ -65,7 +67,7 @@ def wanted():
 
 def test_every_public_name_has_a_valid_call():
     missing = sorted(set(wanted()) - set(CALLS))
-    assert not missing, f"no valid call in scripts/input_ocp.py or input_models.py: {', '.join(missing)}"
+    assert not missing, f"no valid call in scripts/input_*.py: {', '.join(missing)}"
 
 
 def test_every_call_has_all_arguments_of_its_function():
@@ -85,7 +87,8 @@ def test_the_completeness_test_sees_what_is_missing():
         "ocp.integrators.gauss",
     } <= names
     assert {"Solution.x", "Motion.quintic", "Scene.without", "Prepared.attempt", "Grid.locate", "Signal.error"} <= names
-    assert len(names) > 120
+    assert {"ocp.sweep", "Study.run", "Store.claim", "StudyTable.row", "Sensitivity.switches"} <= names
+    assert len(names) > 150
 
 
 @pytest.mark.parametrize("name", sorted(CALLS))
@@ -115,6 +118,17 @@ def test_broken_files_are_refused_in_one_sentence(tmp_path):
     good = tmp_path / "good.npz"
     good.write_bytes(input_files._good())
     assert ocp.load(good).ok
+
+
+def test_broken_stores_are_refused_in_one_sentence(tmp_path):
+    found = list(input_stores.answers(tmp_path))
+    assert len(found) > 70
+    faults = [str(fault) for _, _, fault in found if fault is not None]
+    assert not faults, "\n".join(faults)
+    good = tmp_path / "good.db"
+    good.write_bytes(input_stores._good())
+    assert input_stores._read(good).ok.all()
+    assert input_stores._solution(good).ok
 
 
 def test_the_judge_sees_bad_answers():

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from ocp.store import APPLICATION, SCHEMA, Record, Store, StoreError
+from ocp.record import Record
+from ocp.store import APPLICATION, SCHEMA, Store, StoreError
 
 ROOT = Path(__file__).parent.parent
 
@@ -42,6 +43,24 @@ def test_what_is_stored_is_read_back(tmp_path):
         assert store.solution("one") == b"content"
         assert store.solution("one", "other") is None
         assert store.of_study("study") == ["one", "two"]
+
+
+def test_tuples_of_a_case_stay_tuples(tmp_path):
+    case = {"goal": (1.0, (2.0, 3.0)), "form": "x", "count": 3, "held": True}
+    with Store(tmp_path / "s.db") as store:
+        store.finish("study", record("one", parameters=case))
+        assert store.records(["one"])["one"].parameters == case
+
+
+def test_a_row_that_no_study_wrote_is_damage_that_names_the_file(tmp_path):
+    path = tmp_path / "s.db"
+    with Store(path) as store:
+        store.finish("study", record("one"))
+        for change, words in (("results = '[1]'", "results"), ("attempts = 'many'", "attempts")):
+            store._connection.execute(f"update cases set {change}")
+            with pytest.raises(StoreError, match=f"s.db: is damaged: {words}"):
+                store.records(["one"])
+            store.finish("study", record("one"))
 
 
 def test_a_later_record_replaces_the_earlier_one_with_its_solutions(tmp_path):
@@ -181,7 +200,7 @@ def test_no_store_and_no_file(tmp_path):
     with pytest.raises(StoreError, match="no such store"):
         Store(tmp_path / "none.db", write=False)
     assert not (tmp_path / "none.db").exists()
-    with pytest.raises(StoreError, match="is a folder"):
+    with pytest.raises(ValueError, match="expected the path of a file"):
         Store(tmp_path)
     with pytest.raises(StoreError, match="cannot be opened"):
         Store(tmp_path / "no" / "folder" / "s.db")

@@ -34,7 +34,7 @@ def test_sweep_yields_outcomes_in_order():
         assert found[1].error.startswith("TypeError: ")
     with pytest.raises(TypeError, match="expected one that can be called"):
         sweep(3, cases)
-    with pytest.raises(TypeError, match="executor: got 2"):
+    with pytest.raises(TypeError, match="executor is 2"):
         sweep(plain, cases, 2)
     with pytest.raises(TypeError, match="mapping"):
         sweep(plain, [1])
