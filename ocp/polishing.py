@@ -30,7 +30,7 @@ from ocp.switching import switching_functions
 Array = np.ndarray
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 DOUBLINGS = 3  # of the elements, until the residual is small enough
-RESIDUAL = 1e-7  # local error of the dynamics on an element that is small enough
+RESIDUAL = 5e-7  # local error of the dynamics on an element, share of the range of a state, that is small enough
 REVISIONS = 16  # structures tried for one reading
 FAILURES = 2  # structures that lead nowhere, tried for one reading
 PUSHED = 1e-4  # of scaled unknowns, by limits that are near

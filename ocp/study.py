@@ -79,7 +79,7 @@ class Study:
     solver: Ipopt = field(default_factory=lambda: Ipopt(progress=False))
     polished: bool = False
     neighbours: bool = True
-    checked: float = 0.1
+    checked: float = 0.05
     measure: Callable[[Solution], Mapping[str, float]] = measures
     slopes: bool = False
     compiled: bool | None = None

@@ -111,7 +111,7 @@ def of_document(document: Table, store: str | Path | None) -> Study:
     return Study(
         SceneProblem(json.dumps(nominal.entries, sort_keys=True), symbols, others, tuple(keys.items())), design, store,
         scheme=radau(3), grid=uniform(task.elements), measure=measures, polished=_truth(table, "polished", False),
-        neighbours=_truth(table, "neighbours", True), checked=table.number("checked", "", 0.1),
+        neighbours=_truth(table, "neighbours", True), checked=table.number("checked", "", 0.05),
         slopes=_truth(table, "slopes", False),
     )  # fmt: skip
 
