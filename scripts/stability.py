@@ -18,6 +18,10 @@ from stability_table import as_csv, as_markdown, by_group
 
 from ocp import sweep
 
+TITLE = """# Stability suite: measured figures
+
+Written by `python scripts/stability.py`; the domain is in [stability.md](stability.md)."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 if every case inside the declared domain passes, 1 if not."""
@@ -37,9 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     seconds = time.perf_counter() - begun
     try:
         options.output.mkdir(parents=True, exist_ok=True)
-        files = [options.output / f"stability.{kind}" for kind in ("md", "csv", "png")]
+        files = [options.output / f"stability_table.{kind}" for kind in ("md", "csv", "png")]
         head = f"{len(findings)} cases, {sum(len(f.figures) for f in findings)} figures, {seconds:.0f} s"
-        files[0].write_text(f"{head}\n\n{by_group(findings)}\n\n{as_markdown(findings)}\n", encoding="utf-8")
+        page = "\n\n".join((TITLE, f"{head}.", by_group(findings), as_markdown(findings)))
+        files[0].write_text(f"{page}\n", encoding="utf-8")
         files[1].write_text(as_csv(findings), encoding="utf-8")
         picture_stability.draw(findings, files[2])
     except OSError as error:
@@ -80,7 +85,7 @@ def measured(numbers: Sequence[int], jobs: int, quiet: bool) -> list[Finding]:
             figures, seconds = outcome.value if outcome.value is not None else ((), outcome.seconds)
             found.append(Finding(case, tuple(figures), seconds))
             if not quiet:
-                verdict = "passed" if found[-1].passed else f"FAILED {outcome.error}"
+                verdict = "passed" if found[-1].passed else "outside" if case.outside else f"FAILED {outcome.error}"
                 print(f"{done:4d}/{len(numbers)}  {seconds:6.1f} s  {verdict:8s}  {case}", file=sys.stderr, flush=True)
     return found
 
