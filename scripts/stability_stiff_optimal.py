@@ -14,6 +14,7 @@ from models.effects import Coulomb, ElasticDrive, Gravity, JointStop, LaggedDriv
 from models.forms import canonical
 from models.terms import Effect
 from ocp import Ipopt, Solution, integrators, point_to_point, radau, simulate, solve, uniform, verify
+from ocp.magnitude import extent
 
 LIMIT = [60.0, 800.0, 300.0]  # of the drives [N m, N, N]
 ROTOR, RESISTANCE, FRICTION = 1.0, 0.5, 30.0  # [kg m^2 or kg], [ohm], [N] of the lift
@@ -70,8 +71,7 @@ def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]
         assert found.problem is not None
         system, nodes = found.problem.system, found.nodes
         again = simulate(system, found.states[0, 0], found, nodes, method=integrators.radau_5(1e-9, 1e-9))
-        size = np.max(np.abs(found.states), axis=(0, 1))
-        away = np.abs(again.x - found.x(nodes)) / np.maximum(size, 1e-300)
+        away = np.abs(again.x - found.x(nodes)) / extent(found, found.problem)[0]
         names = list(map(str, system.x.elements()))
         drift = float(np.max(away[:, names.index(report.drift.what)]))
         said = report.ok or (bool(report.failures) and all(report.failures))
