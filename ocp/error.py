@@ -14,7 +14,7 @@ from ocp.hamiltonian import Minimum, minimise
 from ocp.loaded import with_model
 from ocp.problem import Free, Problem
 from ocp.solution import Solution, Status
-from ocp.system import Label
+from ocp.system import Label, slopes
 
 Array = np.ndarray
 MORE = 3  # Gauss points of the re-integration beyond the degree of the scheme
@@ -136,7 +136,7 @@ def drift(solution: Solution, problem: Problem) -> Array:
     Raises:
         LinAlgError: an element is so long that the equations of its re-integration are singular.
     """
-    local, transition, _ = _reintegrated(solution, problem)
+    local, transition, _ = _propagated(solution, problem)
     return _accumulated(local, transition)
 
 
@@ -164,20 +164,34 @@ def _of_duration(cost: float, solution: Solution, problem: Problem) -> float:
 
 def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
     """Return phi_k(x_k) - x_k+1 (N, nx), its derivative by x_k (N, nx, nx), and the error of the running cost (N,)."""
+    system, scheme, running = problem.system, solution.scheme, problem.minimise.running
+    local, transition, delta = _propagated(solution, problem)
+    count, m, nx = delta.shape[:3]
+    nodes, weights = polynomials.leggauss(scheme.degree + MORE)
+    outputs = [ca.densify(running), ca.densify(ca.jacobian(running, system.x))]
+    function = ca.Function("running", [system.x, system.u, system.p], outputs)
+    p = _parameters(solution, problem)
+    _, x, _, u = solution.samples((nodes + 1.0) / 2.0)
+    price, price_slope = (np.array(o) for o in function.map(len(x))(x.T, u.T, np.tile(p, len(x))))
+    exact = price.reshape(count, m) @ (weights / 2.0)
+    exact = exact + np.einsum("j,kja,kja->k", weights / 2.0, price_slope.reshape(count, m, nx), delta[..., 0])
+    _, x, _, u = solution.samples(scheme.points)
+    discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[0]).reshape(count, -1) @ scheme.weights
+    return local, transition, solution.duration * solution.grid.widths * (exact - discrete)
+
+
+def _propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
+    """Return phi_k(x_k) - x_k+1 (N, nx), its derivative by x_k (N, nx, nx), and both at m points (N, m, nx, 1 + nx)."""
     system, scheme = problem.system, solution.scheme
     count, nx = len(solution.grid), solution.states.shape[2]
     nodes, weights = polynomials.leggauss(scheme.degree + MORE)
     tau, weights = (nodes + 1.0) / 2.0, weights / 2.0
     m = len(tau)
     _, x, rate, u = solution.samples(tau)
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))[:, None]
-    running = problem.minimise.running
-    outputs = [system.rate, ca.jacobian(system.rate, system.x), running, ca.jacobian(running, system.x)]
-    function = ca.Function("f", [system.x, system.u, system.p], ca.cse([ca.densify(o) for o in outputs]))
-    f, slope, price, price_slope = (np.array(o) for o in function.map(len(x))(x.T, u.T, np.tile(p, len(x))))
+    f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(_parameters(solution, problem), len(x)))
     h = solution.duration * solution.grid.widths
-    missed = (f.T - rate).reshape(count, m, nx)
-    A = slope.reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
+    missed = (np.array(f).T - rate).reshape(count, m, nx)
+    A = np.array(slope).reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
     # delta_i = delta_0 + h sum_j a_ij (A_j delta_j + missed_j), once for delta_0 = 0 and once for each unit vector.
     a = integration_matrix(tau)
     system_matrix = np.eye(m * nx) - h[:, None, None] * np.einsum("ij,kjab->kiajb", a, A).reshape(count, m * nx, m * nx)
@@ -187,11 +201,12 @@ def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, A
     grown = np.einsum("kjab,kjbc->kjac", A, delta)
     grown[..., 0] += missed
     end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
-    exact = price.reshape(count, m) @ weights
-    exact = exact + np.einsum("j,kja,kja->k", weights, price_slope.reshape(count, m, nx), delta[..., 0])
-    _, x, _, u = solution.samples(scheme.points)
-    discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[2]).reshape(count, -1) @ scheme.weights
-    return end[..., 0], np.eye(nx) + end[..., 1:], h * (exact - discrete)
+    return end[..., 0], np.eye(nx) + end[..., 1:], delta
+
+
+def _parameters(solution: Solution, problem: Problem) -> Array:
+    system = problem.system
+    return np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))[:, None]
 
 
 def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.constraint import Constraint, Where
+from ocp.constraint import Constraint, Where, simple
 from ocp.guess import Guess
 from ocp.problem import Problem
 from ocp.system import slopes as slopes_of
@@ -150,6 +150,9 @@ def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Ar
     minimise = problem.minimise
     timed = abs(minimise.time) * guess.duration
 
+    if minimise.running.is_zero() and minimise.final.is_zero():
+        return timed
+
     def of(motion: Guess) -> float:
         found = [_largest(part, problem, motion, p)[0] for part in (minimise.running, minimise.final)]
         return float(guess.duration * found[0] + found[1])
@@ -165,6 +168,9 @@ def _limit_sizes(
     """Return the magnitudes of the components of a constraint."""
     sides = np.abs(np.stack([constraint.lower, constraint.upper]))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
+    system = problem.system
+    if len(simple(constraint, ca.vertcat(system.x, system.u, system.p))) == len(limit):
+        return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
     seen = _reach(constraint.expression, problem, guess, p, corner)
     return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))
 
