@@ -93,7 +93,10 @@ def hermite(times: Array, values: Array) -> Piecewise:
         ends[m + order] = [math.perm(j, order) if j >= order else 0.0 for j in range(2 * m)]
     powers = width[:, :, None] ** np.arange(m)[None, :, None]
     known = np.concatenate([values[:-1] * powers, values[1:] * powers], axis=1)
-    in_unit = np.tensordot(known, np.linalg.inv(ends), axes=(1, 1)).swapaxes(1, 2)
+    # Its inverse times (m - 1)! holds integers: without the rounding of the machine's linear algebra.
+    whole = math.factorial(m - 1)
+    inverse = np.rint(np.linalg.inv(ends) * whole) / whole
+    in_unit = np.tensordot(known, inverse, axes=(1, 1)).swapaxes(1, 2)
     with np.errstate(all="ignore"):  # Piecewise refuses what overflows
         coefficients = in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None]
     return Piecewise(times, coefficients)

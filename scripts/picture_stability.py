@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import textwrap
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,54 +16,86 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from picture import FAINT, LIMIT
-from stability_case import Finding
+from stability_case import Figure, Finding
 
+Array = np.ndarray
 LEAST = 1e-18  # where zeros are drawn
+COLUMNS = 4
 
 
 def draw(findings: Sequence[Finding], path: Path) -> None:
-    """Draw every case that has distances, one panel for each group; dashed where the tolerance is.
+    """Draw every case that has distances: cases of one quantity on one way together, the others of a group in a panel.
+
+    Dashed where the tolerance is. Counts of which none may be wrong have no error to draw: they stand in the table.
 
     Args:
         findings: of the suite.
         path: of the picture.
     """
-    known = [f for f in findings if any(not math.isnan(figure.distance) for figure in f.figures)]
-    groups = list(dict.fromkeys(f.case.group for f in known))
-    if not groups:
+    curves = [(finding, curve) for finding in findings if len(curve := _curve(finding))]
+    common = Counter(_kind(finding) for finding, _ in curves)
+    panels: dict[tuple[str, ...], list[tuple[Finding, Array]]] = {}
+    for finding, curve in curves:
+        kind = _kind(finding)
+        panels.setdefault(kind if common[kind] > 1 else kind[:1], []).append((finding, curve))
+    if not panels:
         return
-    columns = min(len(groups), 2)
-    rows = -(-len(groups) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(7.2 * columns, 4.2 * rows), layout="constrained", squeeze=False)
-    for axes in grid.ravel()[len(groups) :]:
+    columns = min(len(panels), COLUMNS)
+    rows = -(-len(panels) // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.9 * rows), layout="constrained", squeeze=False)
+    for axes in grid.ravel()[len(panels) :]:
         axes.set_visible(False)
-    for axes, group in zip(grid.ravel(), groups, strict=False):
-        _panel(axes, [f for f in known if f.case.group == group])
-        axes.set_title(group)
+    for axes, (kind, members) in zip(grid.ravel(), panels.items(), strict=False):
+        quantity, towards = kind[1:] or ("figure at risk", "distance, as the legend says")
+        _panel(axes, members, alike=len(kind) > 1)
+        axes.set_title(kind[0], fontsize=10)
+        axes.set_xlabel(towards, fontsize=8)
+        axes.set_ylabel("\n".join(textwrap.wrap(quantity, 44)), fontsize=8)
     part = path.with_name(f"{path.stem}.part.png")
     try:
-        figure.savefig(part, dpi=130)
+        figure.savefig(part, dpi=110)
         part.replace(path)
     finally:
         plt.close(figure)
         part.unlink(missing_ok=True)
 
 
-def _panel(axes: Axes, findings: Sequence[Finding]) -> None:
-    colours = plt.get_cmap("tab20")(np.linspace(0.0, 1.0, max(len(findings), 2)))
-    for finding, colour in zip(findings, colours, strict=False):
-        points = sorted((f.distance, max(abs(f.value), LEAST), f.tolerance) for f in finding.figures
-                        if f.distance > 0.0 and math.isfinite(f.value))  # fmt: skip
-        if not points:
-            continue
-        x, y, tolerance = np.array(points).T
-        style = ":" if finding.case.outside else "-"
-        axes.loglog(x, y, style, marker=".", color=colour, linewidth=1.2, label=f"{finding.case.name}")
-        axes.loglog(x, np.maximum(tolerance, LEAST), "--", color=colour, linewidth=0.7, alpha=0.6)
-        bad = np.array([not abs(value) <= most for value, most in zip(y, tolerance, strict=True)])
+def _kind(finding: Finding) -> tuple[str, str, str]:
+    return finding.case.group, finding.case.quantity, finding.case.towards
+
+
+def _curve(finding: Finding) -> Array:
+    """Return distance, error and tolerance (K, 3): at each distance the figure that takes most of its tolerance."""
+    worst: dict[float, Figure] = {}
+    for figure in finding.figures:
+        if figure.distance != 0.0 and math.isfinite(figure.distance) and figure.tolerance > 0.0:
+            known = worst.get(figure.distance)
+            worst[figure.distance] = figure if known is None or figure.share > known.share else known
+    return np.array([(d, abs(worst[d].value), worst[d].tolerance) for d in sorted(worst)])
+
+
+def _panel(axes: Axes, curves: Sequence[tuple[Finding, Array]], alike: bool) -> None:
+    sides = any(np.any(curve[:, 0] < 0.0) for _, curve in curves)
+    colours = plt.get_cmap("tab10")(np.arange(10))
+    for k, (finding, curve) in enumerate(curves):
+        x, y, tolerance = curve.T
+        colour, style = colours[k % len(colours)], ":" if finding.case.outside else "-"
+        # A line that lies below another one stays visible where it is broader.
+        broad = 1.2 + 0.7 * (len(curves) - 1 - k)
+        name = finding.case.name if alike else f"{finding.case.name}; {finding.case.towards}"
+        axes.plot(x, np.maximum(y, LEAST), style, marker=".", color=colour, linewidth=broad, alpha=0.8, label=name)
+        axes.plot(x, tolerance, "--", color=colour, linewidth=0.8)
+        bad = ~(y <= tolerance)
         if bad.any() and not finding.case.outside:
-            axes.loglog(x[bad], y[bad], "x", color=LIMIT, markersize=7)
+            axes.plot(x[bad], np.where(np.isfinite(y[bad]), y[bad], tolerance[bad]), "x", color=LIMIT, markersize=8)
+    if sides:
+        least = min(float(np.min(np.abs(curve[:, 0]))) for _, curve in curves)
+        axes.set_xscale("symlog", linthresh=least)
+        marks = 10.0 ** np.arange(0, math.log10(least) + 2.0, -4.0)
+        axes.set_xticks([*-marks, 0.0, *marks[::-1]])
+    else:
+        axes.set_xscale("log")
+    axes.set_yscale("log")
     axes.grid(color=FAINT, alpha=0.3, linewidth=0.6)
-    axes.set_xlabel("distance to the degeneracy")
-    axes.set_ylabel("figure at risk")
-    axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    axes.tick_params(labelsize=7)
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)

@@ -31,6 +31,15 @@ class Figure:
         """Whether the value is a number within the tolerance."""
         return abs(self.value) <= self.tolerance
 
+    @property
+    def share(self) -> float:
+        """What the value takes of its tolerance; inf for no number, and for anything where nothing is allowed."""
+        if math.isnan(self.value):
+            return math.inf
+        if self.tolerance == 0.0:
+            return 0.0 if self.value == 0.0 else math.inf
+        return abs(self.value) / self.tolerance
+
 
 @dataclass(frozen=True)
 class Case:
@@ -74,7 +83,7 @@ class Finding:
     @property
     def worst(self) -> Figure:
         """The figure that takes the largest share of its tolerance."""
-        return max(self.figures, key=_share)
+        return max(self.figures, key=lambda figure: figure.share)
 
 
 def run(case: Case) -> Finding:
@@ -87,11 +96,3 @@ def run(case: Case) -> Finding:
     except Exception as error:
         figures.append(Figure(math.nan, 0.0, note=f"{type(error).__name__}: {error}"))
     return Finding(case, tuple(figures), time.perf_counter() - begun)
-
-
-def _share(figure: Figure) -> float:
-    if math.isnan(figure.value):
-        return math.inf
-    if figure.tolerance == 0.0:
-        return 0.0 if figure.value == 0.0 else math.inf
-    return abs(figure.value) / figure.tolerance

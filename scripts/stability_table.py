@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Sequence
 
-from stability_case import Figure, Finding
+from stability_case import Finding
 
 HEAD = ("group", "case", "at risk", "towards", "from", "to", "worst", "tolerance", "condition", "figures", "")
 
@@ -20,7 +20,7 @@ def by_group(findings: Sequence[Finding]) -> str:
         own = [finding for finding in findings if finding.case.group == group]
         inside = [finding for finding in own if not finding.case.outside]
         failed = sum(not finding.passed for finding in inside)
-        worst = max((share(finding.worst) for finding in inside if finding.figures), default=math.nan)
+        worst = max((finding.worst.share for finding in inside if finding.figures), default=math.nan)
         count, seconds = sum(len(finding.figures) for finding in own), sum(finding.seconds for finding in own)
         lines.append(
             f"| {group} | {len(own)} | {count} | {failed} | {len(own) - len(inside)} | {worst:.2g} | {seconds:.1f} |"
@@ -39,12 +39,13 @@ def as_markdown(findings: Sequence[Finding]) -> str:
         worst = finding.worst
         distances = [figure.distance for figure in figures if not math.isnan(figure.distance)]
         conditions = [figure.condition for figure in figures if not math.isnan(figure.condition)]
+        note = worst.note if not finding.passed else "" if case.towards else figures[-1].note
         verdict = "outside: " + case.outside if case.outside else "passed" if finding.passed else "**failed**"
         cells = [
             case.group, case.name, case.quantity, case.towards,
             *((f"{distances[0]:.1e}", f"{distances[-1]:.1e}") if distances else ("", "")),
             f"{worst.value:.1e}", f"{worst.tolerance:.1e}", f"{max(conditions):.1e}" if conditions else "",
-            str(len(figures)), f"{verdict}{'; ' + worst.note if worst.note and not finding.passed else ''}",
+            str(len(figures)), "; ".join(filter(None, (verdict, note))),
         ]  # fmt: skip
         lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
     return "\n".join(lines)
@@ -59,13 +60,7 @@ def as_csv(findings: Sequence[Finding]) -> str:
     for finding in findings:
         case = finding.case
         for f in finding.figures:
-            writer.writerow([case.group, case.name, case.quantity, case.towards, repr(f.distance), repr(f.value),
-                             repr(f.tolerance), repr(f.condition), f.passed, case.outside, f.note])  # fmt: skip
+            numbers = [repr(float(number)) for number in (f.distance, f.value, f.tolerance, f.condition)]
+            writer.writerow([case.group, case.name, case.quantity, case.towards, *numbers, f.passed, case.outside,
+                             f.note])  # fmt: skip
     return text.getvalue()
-
-
-def share(figure: Figure) -> float:
-    """Return the value of a figure as a share of its tolerance."""
-    if figure.value == 0.0:
-        return 0.0
-    return abs(figure.value) / figure.tolerance if figure.tolerance else math.inf
