@@ -36,8 +36,8 @@ def draw(findings: Sequence[Finding], path: Path) -> None:
     common = Counter(_kind(finding) for finding, _ in curves)
     panels: dict[tuple[str, ...], list[tuple[Finding, Array]]] = {}
     for finding, curve in curves:
-        kind = _kind(finding)
-        panels.setdefault(kind if common[kind] > 1 else kind[:1], []).append((finding, curve))
+        whole = _kind(finding)
+        panels.setdefault(whole if common[whole] > 1 else whole[:1], []).append((finding, curve))
     if not panels:
         return
     columns = min(len(panels), COLUMNS)
