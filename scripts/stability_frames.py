@@ -200,10 +200,15 @@ CASES: tuple[Case, ...] = (
     case("sphere, upright, regular", "theta", lambda: along(upright, "regular")),
     # d^2 psi / dt^2 is a difference of order one divided by sin(theta).
     case("sphere, upright, paper", "theta", lambda: along(upright, "paper", DECADES[:7], 1.0)),
-    case("sphere, hanging, regular", "pi - theta", lambda: along(hanging, "regular")),
+    case("sphere, hanging, regular", "pi - theta", lambda: along(hanging, "regular"), False),
     case("sphere, hanging, paper", "pi - theta", lambda: along(hanging, "paper", DECADES[:7], 1.0), False),
     case("sphere, exactly upright, regular", "theta", lambda: along(upright, "regular", (0.0,))),
-    case("sphere, spin from heavy to light, regular", "Theta_3_33 / J", lambda: along(spinning, "regular", INERTIAS)),
+    case(
+        "sphere, spin from heavy to light, regular",
+        "Theta_3_33 / J",
+        lambda: along(spinning, "regular", INERTIAS),
+        False,
+    ),
     case("sphere, spin from heavy to light, paper", "Theta_3_33 / J", lambda: paper_spin(), False),
     case("torus, B_c from both sides, regular", "B_c / I_3", lambda: along(root, "regular", SIDES), False),
     case("torus, B_c from both sides, paper", "B_c / I_3", lambda: along(root, "paper", SIDES), False),

@@ -157,8 +157,7 @@ def optimal() -> Iterator[Figure]:
         place = int(np.argmin(np.abs(theta)))
         speed = raw.signal("v", raw.t)[place, 1]
         crossing = theta.min() < 0.0 < theta.max() and abs(speed) > 1.0
-        # How long polishing may try depends on how long the solve took; here it may try as long as it needs.
-        best = polish(replace(raw, timings=replace(raw.timings, total=60.0)))
+        best = polish(raw)
         reports = [verify(raw), verify(best)]
         failures = [words for report in reports for words in report.failures]
         failures += [] if crossing else ["the motion does not pass the pole while psi turns"]

@@ -87,8 +87,8 @@ def test_no_effect_leaves_a_trace(name, form):
     if ca.__version__ == "3.8.2":
         assert never[0] == UNHEARD[name][FORMS.index(form)]
     for case in CASES.values():
-        form(arm, case(n))  # a scene with the effect, before one without it
-        assert shape(form(arm, [])) == never
+        form(arm, case(n))  # scenes with every effect, before one without any
+    assert shape(form(arm, [])) == never
     among = {}
     for effects in (EVERYTHING[:5], EVERYTHING[:6]):
         among[effects] = shape(form(other, [effect for case in effects for effect in CASES[case](n)]))
