@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-import picture_stability
-from stability_case import Finding, run
-from stability_cases import CASES
-from stability_table import as_csv, as_markdown, by_group
+from hard_cases import picture
+from hard_cases.case import Finding, run
+from hard_cases.suite import CASES
+from hard_cases.table import as_csv, as_markdown, by_group
 
 from ocp import sweep
 
@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         page = "\n\n".join((TITLE, f"{head}.", by_group(findings), as_markdown(findings)))
         files[0].write_text(f"{page}\n", encoding="utf-8")
         files[1].write_text(as_csv(findings), encoding="utf-8")
-        picture_stability.draw(findings, files[2])
+        picture.draw(findings, files[2])
     except OSError as error:
         print(f"stability: {error}", file=sys.stderr)
         return 1

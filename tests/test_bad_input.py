@@ -4,13 +4,11 @@ import dataclasses
 import enum
 import inspect
 
-import input_files
-import input_pairs
-import input_stores
 import pytest
-from input_call import BAD, Fault, answers, extremes, fault
-from stability_case import run
-from stability_input import CASES, PARTS, figure
+from hard_cases import input_files, input_pairs, input_stores
+from hard_cases.bad_input import CASES, PARTS, figure
+from hard_cases.case import run
+from hard_cases.input_call import BAD, Fault, answers, extremes, fault
 
 import models
 import ocp
@@ -67,7 +65,7 @@ def wanted():
 
 def test_every_public_name_has_a_valid_call():
     missing = sorted(set(wanted()) - set(CALLS))
-    assert not missing, f"no valid call in scripts/input_*.py: {', '.join(missing)}"
+    assert not missing, f"no valid call in scripts/hard_cases/input_*.py: {', '.join(missing)}"
 
 
 def test_every_call_has_all_arguments_of_its_function():

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from stability_case import Case, Figure, run
-from stability_cases import CASES
+from hard_cases.case import Case, Figure, run
+from hard_cases.suite import CASES
 
 pytestmark = pytest.mark.hard
 

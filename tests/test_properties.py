@@ -5,12 +5,12 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from hard_cases.draws import KINDS, WHOLE, symbolic, tensor
+from hard_cases.search import EPS, FORMS, MANY, acceleration, condition_of, evaluate, initial, worst
+from hard_cases.search import draw as states_of
+from hard_cases.tasks import End, draw, judge
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from stability_draws import KINDS, WHOLE, symbolic, tensor
-from stability_search import EPS, FORMS, MANY, acceleration, condition_of, evaluate, initial, worst
-from stability_search import draw as states_of
-from stability_tasks import End, draw, judge
 
 from models import inverse_dynamics, recover
 from models.effects import Coulomb, Gravity, Payload, RotorInertia, Viscous

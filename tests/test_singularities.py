@@ -6,8 +6,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from hard_cases.pole import METHODS, moved, system_of
 from machines import NAMES, machine
-from stability_pole import METHODS, moved, system_of
 
 from models import Parameter, cylindrical, spherical, torus
 from models.effects import Gravity, RotorInertia

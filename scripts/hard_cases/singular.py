@@ -6,9 +6,9 @@ import warnings
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from stability_case import Case, Figure
-from stability_frames import Approach, along, poses
 
+from hard_cases.case import Case, Figure
+from hard_cases.frames import Approach, along, poses
 from models import Manipulator, Motion, cylindrical, inverse_dynamics, line, spherical, torus
 from models.effects import Gravity, RotorInertia
 from models.forms import canonical, hamel, lagrange

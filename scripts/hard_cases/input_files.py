@@ -11,11 +11,11 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-import input_examples as example
 import numpy as np
-from input_call import Fault, fault
 
 import ocp
+from hard_cases import input_examples as example
+from hard_cases.input_call import Fault, fault
 from models import Motion
 
 Array = np.ndarray

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
-from stability_extremes import LEFT, MASS, POLISHED, WEIGHT, carriage, ended, exact, lift, shortest
 
+from hard_cases.case import Case, Figure
+from hard_cases.extremes import LEFT, MASS, POLISHED, WEIGHT, carriage, ended, exact, lift, shortest
 from ocp import (
     Ball,
     Bolza,

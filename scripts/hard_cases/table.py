@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Sequence
 
-from stability_case import Finding
+from hard_cases.case import Finding
 
 HEAD = ("group", "case", "at risk", "towards", "from", "to", "worst", "tolerance", "condition", "figures", "")
 

@@ -9,10 +9,9 @@ from contextlib import closing, suppress
 from functools import cache, partial
 from pathlib import Path
 
-import input_examples as example
-from input_call import Fault, fault
-
 import ocp
+from hard_cases import input_examples as example
+from hard_cases.input_call import Fault, fault
 from ocp.store import SCHEMA
 
 PAGE = 4096

@@ -15,7 +15,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parent.parent.parent
 LONGEST = 400  # characters of a sentence
 REFUSALS = (ValueError, TypeError, KeyError, OSError)
 # What no user should see first: places in compiled sources, words of other libraries' own errors.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import Manipulator, cylindrical, spherical, torus
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange

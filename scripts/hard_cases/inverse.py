@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import Manipulator, Motion, inverse_dynamics, spherical, torus
 from models.effects import Gravity
 

@@ -7,9 +7,9 @@ from functools import partial
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
-from stability_reference import GRAVITY, accelerations
 
+from hard_cases.case import Case, Figure
+from hard_cases.reference import GRAVITY, accelerations
 from models import Manipulator, cylindrical, spherical, torus
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange

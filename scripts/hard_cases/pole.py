@@ -8,8 +8,8 @@ from functools import cache
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import spherical
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import casadi as ca
-import input_examples as example
 import numpy as np
-from input_call import (
+
+import ocp
+from hard_cases import input_examples as example
+from hard_cases.input_call import (
     ANY_TEXT,
     AT_LEAST_ZERO,
     BOUND,
@@ -20,8 +22,6 @@ from input_call import (
     Argument,
     Call,
 )  # fmt: skip
-
-import ocp
 from ocp import Control, Fixed, integrators
 from ocp.constraint import Where
 

@@ -8,8 +8,8 @@ from functools import partial
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import Manipulator, spherical, torus
 from models.effects import Counterbalance, Gravity
 from models.forms import canonical, lagrange

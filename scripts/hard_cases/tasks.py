@@ -10,9 +10,9 @@ from enum import Enum
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
-from stability_draws import KINDS, effects, parameters
 
+from hard_cases.case import Case, Figure
+from hard_cases.draws import KINDS, effects, parameters
 from models import inverse_dynamics
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange

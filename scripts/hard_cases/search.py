@@ -8,10 +8,10 @@ from functools import partial
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
-from stability_draws import KINDS, WHOLE, effects, parameters, states, symbolic
-from stability_extended import accelerations, extended
 
+from hard_cases.case import Case, Figure
+from hard_cases.draws import KINDS, WHOLE, effects, parameters, states, symbolic
+from hard_cases.extended import accelerations, extended
 from models import Parameter, inverse_dynamics
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange

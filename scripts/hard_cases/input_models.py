@@ -6,9 +6,11 @@ import inspect
 import json
 from pathlib import Path
 
-import input_examples as example
 import numpy as np
-from input_call import (
+
+import models
+from hard_cases import input_examples as example
+from hard_cases.input_call import (
     ANY_TEXT,
     AT_LEAST_ZERO,
     BOUND,
@@ -22,8 +24,6 @@ from input_call import (
     Argument,
     Call,
 )  # fmt: skip
-
-import models
 from models import Motion, effects, forms
 from ocp import System
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import cylindrical, spherical
 from models.effects import Gravity
 from models.forms import canonical

@@ -16,7 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from picture import FAINT, LIMIT
-from stability_case import Figure, Finding
+
+from hard_cases.case import Figure, Finding
 
 Array = np.ndarray
 LEAST = 1e-18  # where zeros are drawn

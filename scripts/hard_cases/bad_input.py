@@ -7,14 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 
-import input_files
-import input_models
-import input_ocp
-import input_pairs
-import input_stores
-import input_studies
-from input_call import BAD, Call, Fault, answers, extremes
-from stability_case import Case, Figure
+from hard_cases import input_files, input_models, input_ocp, input_pairs, input_stores, input_studies
+from hard_cases.case import Case, Figure
+from hard_cases.input_call import BAD, Call, Fault, answers, extremes
 
 Answers = Iterable[tuple[str, str, Fault | None]]
 

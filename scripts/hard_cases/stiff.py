@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import cylindrical
 from models.effects import Coulomb, ElasticDrive, Gravity, JointStop, LaggedDrive, MotorDrive
 from models.forms import canonical, lagrange

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
-from stability_case import Case, Figure
 
+from hard_cases.case import Case, Figure
 from models import cylindrical
 from models.effects import Coulomb, ElasticDrive, Gravity, JointStop, LaggedDrive, MotorDrive
 from models.forms import canonical

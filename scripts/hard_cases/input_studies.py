@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
-import input_examples as example
-from input_call import (
+
+import ocp
+from hard_cases import input_examples as example
+from hard_cases.input_call import (
     ANY_TEXT,
     AT_LEAST_ZERO,
     LIST,
@@ -17,8 +19,6 @@ from input_call import (
     Argument,
     Call,
 )  # fmt: skip
-
-import ocp
 from ocp.compilation import compiled, pays
 from ocp.influence import influences, jumps
 from ocp.measurement import measures

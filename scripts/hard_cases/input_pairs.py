@@ -9,11 +9,11 @@ from functools import cache, partial
 from typing import Any
 
 import casadi as ca
-import input_examples as example
-import input_models
-from input_call import BAD, Fault, fault, sentence
 
 import ocp
+from hard_cases import input_examples as example
+from hard_cases import input_models
+from hard_cases.input_call import BAD, Fault, fault, sentence
 from models import Motion, forms, inverse_dynamics, recover, spherical
 from models.effects import ElasticDrive, Gravity, ToolForce, WindingHeat
 

@@ -1,0 +1,1 @@
+"""The cases of the stability suite, and how bad input is put to everything public."""
