@@ -53,9 +53,11 @@ class _State:
         above, start, structure = self.parents[number], None, None
         while above is not None:
             record = self.finished[self.ids[above]]
-            if record.ok and (content := self.store.solution(record.id)) is not None:
-                start = Known(record.id, self.cases[above], content)
-                structure = self._structure(record, start)
+            if record.ok:
+                content = self.store.solution(record.id)
+                if content is not None:  # else it is a case of a plain function, and so are all above it
+                    start = Known(record.id, self.cases[above], content)
+                    structure = self._structure(record, start)
                 break
             above = self.parents[above]
         failed = self.again.get(self.ids[number])

@@ -10,6 +10,7 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ class StudyTable:
         """Names of the values that make a case."""
         return tuple(self.cases[0])
 
-    @property
+    @cached_property
     def results(self) -> tuple[str, ...]:
         """Names of the numbers that were found."""
         return tuple(dict.fromkeys(name for record in self.records if record for name in record.results))
@@ -105,7 +106,12 @@ class StudyTable:
         argument.text("column", name, "the name of a column")
         if name not in self.columns:
             raise KeyError(f"no column {name!r}; there are {', '.join(self.columns)}")
-        return np.array([row[name] for row in self])
+        return self._columns[name].copy()
+
+    @cached_property
+    def _columns(self) -> dict[str, Array]:
+        rows = list(self)
+        return {name: np.array([row[name] for row in rows]) for name in self.columns}
 
     def grid(self, name: str) -> Array:
         """Return a column in the shape of the axes, for a study over every combination.

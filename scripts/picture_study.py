@@ -128,7 +128,7 @@ def multiples(view: _View, names: Sequence[str]) -> Figure:
     levels = np.linspace(np.nanmin(solved), np.nanmax(solved), 13)
     for axes, value in zip(panels, values, strict=True):
         _contour(figure, axes, view, table[third] == value, (first, second), result, marked=True, levels=levels)
-        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9)
+        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9, loc="right")
     return figure
 
 
@@ -161,7 +161,7 @@ def ranking(view: _View) -> Figure:
         bars = axes.barh([row.axis for row in rows], values, color=[LIMIT if v > 0.0 else MOTION for v in values])
         axes.bar_label(bars, fmt="%+.3g", padding=3, fontsize=8)
         axes.axvline(0.0, color="black", linewidth=0.8)
-        axes.margins(x=0.2)
+        axes.margins(x=0.3)
         axes.set_xlabel(label)
     return figure
 
@@ -174,8 +174,8 @@ def _contour(
     table = view.table
     x, y = (np.unique(table[name]) for name in names)
     z = np.full((len(y), len(x)), np.nan)
-    for k in np.flatnonzero(members & table.ok):
-        z[np.searchsorted(y, table[names[1]][k]), np.searchsorted(x, table[names[0]][k])] = table[result][k]
+    own = members & table.ok
+    z[np.searchsorted(y, table[names[1]][own]), np.searchsorted(x, table[names[0]][own])] = table[result][own]
     if np.isfinite(z).sum() >= 4 and np.nanmax(z) > np.nanmin(z):
         filled = axes.contourf(x, y, np.ma.masked_invalid(z), levels=levels, cmap="viridis")
         isolines = axes.contour(x, y, np.ma.masked_invalid(z), levels=filled.levels, colors="white", linewidths=0.5)
@@ -200,7 +200,7 @@ def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[s
     bad = members & ~table.ok
     if bad.any():
         axes.plot(table[names[0]][bad], table[names[1]][bad], "x", color=LIMIT, markersize=6, label="failed")
-    axes.legend(fontsize=7, loc="upper left", framealpha=0.8)
+    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
 
 
 def _mark_jumps(axes: Axes, table: StudyTable, names: Sequence[str], result: str) -> None:

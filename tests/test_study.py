@@ -59,6 +59,13 @@ def test_a_function_may_solve_by_itself():
     assert table.solution(1).duration == table["duration"][1]
 
 
+def test_a_case_asks_for_the_solution_of_its_nearest_neighbour_only(monkeypatch):
+    asked = []
+    monkeypatch.setattr(Store, "solution", lambda self, case, name="solution": asked.append(case))
+    assert np.all(Study(plain, over={"a": range(60)}).run().ok)
+    assert len(asked) == 59
+
+
 def test_what_is_stored_is_not_computed_again(tmp_path):
     study = squares(tmp_path, 15)
     first = study.run()

@@ -41,6 +41,17 @@ def test_columns_and_gaps(table):
         table.solution(5)
 
 
+def test_a_column_costs_one_look_at_every_case(monkeypatch):
+    table, looks = Study(product, over=AXES).run(), []
+    row = type(table).row
+    monkeypatch.setattr(type(table), "row", lambda self, number: looks.append(number) or row(self, number))
+    for name in (*table.columns, *table.columns):
+        assert len(table[name]) == 6
+    assert sorted(looks) == [0, 1, 2, 3, 4, 5]
+    table["sum"][:] = 0.0  # a copy
+    assert table["sum"][0] == 2.0
+
+
 def test_csv_has_every_digit(table, tmp_path):
     table.write_csv(tmp_path / "t.csv")
     with (tmp_path / "t.csv").open(newline="") as file:
