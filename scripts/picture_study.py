@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from picture import ACCENT, FAINT, LIMIT, MOTION, pretty
 
 from ocp import StudyTable
@@ -113,6 +114,7 @@ def contours(view: _View, names: Sequence[str]) -> Figure:
     for k, (axes, name) in enumerate(zip(panels, shown, strict=True)):
         _contour(figure, axes, view, np.ones(len(view.table), dtype=bool), names, name, marked=k == 0)
     _mark_jumps(panels[0], view.table, names, view.result)
+    _legend(figure)
     return figure
 
 
@@ -125,10 +127,11 @@ def multiples(view: _View, names: Sequence[str]) -> Figure:
     values = np.unique(table[third])
     figure, panels = _panels(len(values))
     solved = table[result][table.ok]
-    levels = np.linspace(np.nanmin(solved), np.nanmax(solved), 13)
+    levels = np.asarray(MaxNLocator(13).tick_values(np.nanmin(solved), np.nanmax(solved)))
     for axes, value in zip(panels, values, strict=True):
         _contour(figure, axes, view, table[third] == value, (first, second), result, marked=True, levels=levels)
-        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9, loc="right")
+        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9)
+    _legend(figure)
     return figure
 
 
@@ -200,7 +203,17 @@ def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[s
     bad = members & ~table.ok
     if bad.any():
         axes.plot(table[names[0]][bad], table[names[1]][bad], "x", color=LIMIT, markersize=6, label="failed")
-    axes.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
+
+
+def _legend(figure: Figure) -> None:
+    """Explain the marks of all panels once, above them."""
+    known = {
+        label: handle for axes in figure.axes for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    if known:
+        figure.legend(
+            known.values(), known.keys(), loc="outside upper left", ncols=len(known), fontsize=8, frameon=False
+        )
 
 
 def _mark_jumps(axes: Axes, table: StudyTable, names: Sequence[str], result: str) -> None:
@@ -247,7 +260,7 @@ def _groups(table: StudyTable, names: Sequence[str]) -> dict[str, np.ndarray]:
 
 
 def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    columns = min(count, 3)
+    columns = 2 if count == 4 else min(count, 3)
     rows = -(-count // columns)
     figure, grid = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.6 * rows), layout="constrained", squeeze=False)
     for axes in grid.ravel()[count:]:
