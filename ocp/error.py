@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre as polynomials
 
+from ocp.adjoint import even
 from ocp.collocation import integration_matrix
 from ocp.constraint import Where
 from ocp.hamiltonian import Minimum, minimise
@@ -35,7 +36,7 @@ class Errors:
     duration: float  # of the optimal duration [s]; zero if it is fixed
     states: Array  # (nx,) largest distance of each state from where its controls bring it [unit of the state]
     dynamics: float  # cost of what the motion violates x' = f(x, u) and of the quadrature; signed
-    optimality: float  # cost that the controls leave on the table: integral of H(u) - min H
+    optimality: float  # cost that the controls leave on the table: integral of H(u) - min H, multipliers spread evenly
     overshoot: float  # cost gained by controls beyond their limits between the points
     violation: float  # cost gained by states beyond their limits between the nodes
     convergence: float  # cost that the solver left at limits of states: multipliers times distances
@@ -71,7 +72,8 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
         V = sum of multipliers of limits of states times the excess between the nodes,
 
     phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
-    of Newton's method from the interpolant). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
+    of Newton's method from the interpolant); in G the multipliers of limits of states are spread over their elements
+    (`ocp.adjoint`). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
     to first order in the disturbances, no proof; docs/calibration.md holds it against known optima. It is about a
     local optimum and does not see other ones. A free duration that is not the cost itself is taken to be as wrong,
     relatively, as the cost times the order of the scheme.
@@ -108,9 +110,11 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     dynamics = np.sum(at_end * local, axis=1) + running
     away = _accumulated(local, transition)
     tau, weights = _panels()
-    found = minimise(solution, problem, tau)
-    gap = (found.value - found.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
+    found, adjoint = minimise(solution, problem, tau), even(solution, problem)
+    best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else found
+    gap = (best.value - best.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
     optimality, overshoot = np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
+    optimality += adjoint.slack
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
     turnover = float(solution.duration * (found.size.reshape(count, -1) @ weights @ solution.grid.widths))

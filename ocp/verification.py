@@ -9,6 +9,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp.adjoint import even
 from ocp.constraint import Where
 from ocp.loaded import with_model
 from ocp.magnitude import extent
@@ -93,7 +94,8 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
     switching: integral of what H loses when every control alone goes where a quadratic model of H is least in its
     range; dH/du_i (u_i - u_i*) where H is linear in it, u_i* the end of its range that lowers H; for controls limited
-    one by one. energy: signals "energy", "power" and, if there, "loss", along the integrated motion.
+    one by one, the multipliers of limits of states spread over their elements (`ocp.adjoint`). energy: signals
+    "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
         solution: of any status; of a sequence, the worst figure of its phases counts, and gaps between them are
@@ -251,10 +253,11 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     function = ca.Function("H", arguments, [hamiltonian, slope, ca.diag(curvature), terms])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
-    found = function.map(times.size)(
-        x.T, u.T, np.tile(p[:, None], times.size), solution.costates.reshape(times.size, -1).T
+    adjoint, given = even(solution, problem), (x.T, u.T, np.tile(p[:, None], times.size))
+    (values, _, _, sizes), (_, slopes, bends, _) = (
+        [np.array(part) for part in function.map(times.size)(*given, costates.reshape(times.size, -1).T)]
+        for costates in (solution.costates, adjoint.costates)
     )
-    values, slopes, bends, sizes = (np.array(part) for part in found)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)
@@ -288,4 +291,5 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     gap = np.sum(np.where(slopes.T * (u - best) > 0.0, gain, 0.0), axis=1)
     cost = max(abs(solution.cost), 1e-300)
     where = times[int(np.argmax(gap))] if gap.size else np.nan
-    return deviation, mean, offset, Figure(float(weights @ gap) / cost, "share", "the cost", "controls", where)
+    left = float(weights @ gap + adjoint.slack.sum())
+    return deviation, mean, offset, Figure(left / cost, "share", "the cost", "controls", where)
