@@ -151,7 +151,7 @@ def _loop(
         for future in done:
             number = state.running.pop(future)
             try:
-                _finish(state, number, future.result(), watch)
+                record = future.result()
             except BrokenExecutor as error:
                 if make is None:
                     count = sum(name in state.finished for name in state.ids)
@@ -159,13 +159,15 @@ def _loop(
                         f"the executor broke ({in_words(error)}); {count} of {len(state.ids)} cases are stored, "
                         "run again with a new executor to go on"
                     ) from None
-                if limit == 1 and not state.running:
-                    _finish(state, number, _died(state, number), watch)
-                else:
-                    suspects.append(number)
                 broken = True
+                if limit > 1 or state.running:
+                    suspects.append(number)
+                    continue
+                record = _died(state, number)
             except Exception as error:  # of the executor, or something that could not travel
-                _finish(state, number, replace(_died(state, number), message=in_words(error)), watch)
+                record = replace(_died(state, number), message=in_words(error))
+            # Not within the try: what goes wrong with the store is no failure of the case.
+            _finish(state, number, record, watch)
         if broken and make is not None:
             suspects += [number for number in state.running.values() if number not in suspects]
             state.running.clear()

@@ -8,7 +8,7 @@ import pytest
 from studies import CART, QUIET, cart, carts, plain, squares
 
 from ocp import Ipopt, Problem, Study, Zip, solve, uniform
-from ocp.store import Store
+from ocp.store import Store, StoreError
 
 ROOT = Path(__file__).parent.parent
 
@@ -75,6 +75,24 @@ def test_what_is_stored_is_not_computed_again(tmp_path):
     longer = squares(tmp_path, 18).run()
     assert len(longer) == 18
     assert (tmp_path / "marks").read_text().split() == [*marks.split(), "15", "16", "17"]
+
+
+def test_a_store_that_cannot_be_written_is_no_failure_of_a_case(tmp_path, monkeypatch):
+    study, finish, full = carts(store=tmp_path / "s.db"), Store.finish, [True]
+
+    def limited(self, study, record):
+        # Room enough for a short record of a failure, but not for a solution.
+        if full[0] and record.solutions and len(self.records(self.of_study(study))) >= 5:
+            raise StoreError(f"{self.path}: cannot be written: database or disk is full")
+        finish(self, study, record)
+
+    monkeypatch.setattr(Store, "finish", limited)
+    with pytest.raises(StoreError, match="disk is full"):
+        study.run()
+    assert sum(record is not None for record in study.table().records) == 5
+    assert not study.table().failures
+    full[0] = False
+    assert results(study.run()) == results(carts().run())
 
 
 def test_other_settings_never_mix(tmp_path):
