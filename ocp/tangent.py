@@ -10,7 +10,7 @@ from ocp.problem import Problem
 from ocp.sensitivities import sensitivity
 from ocp.solution import Solution
 
-STEP = 2.0**-20  # relative, of a number that is no parameter of the system
+STEP = 2.0**-20  # share of a number that is no parameter of the system; the number itself may be tiny or huge
 
 
 def tangents(
@@ -27,7 +27,7 @@ def tangents(
     """
     problem = solution.problem
     assert problem is not None
-    steps = {name: STEP * max(abs(value), 1.0) for name, value in case.items() if name not in values and _real(value)}
+    steps = {name: STEP * (abs(value) or 1.0) for name, value in case.items() if name not in values and _real(value)}
     toward, notes = {}, []
     for name, step in steps.items():
         other = state({**case, name: case[name] + step})

@@ -18,6 +18,7 @@ from ocp import argument
 from ocp.collocation import Scheme
 from ocp.design import Case
 from ocp.grid import Grid
+from ocp.identity import canonical
 from ocp.ipopt import Ipopt
 from ocp.ladder import DEFAULT, Smooth, StraightLine
 from ocp.measurement import named_numbers
@@ -282,11 +283,13 @@ def _numbers(values: Case) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}  # type: ignore[arg-type]
 
 
-_IN_THIS_PROCESS: dict[str, _Here] = {}
+_IN_THIS_PROCESS: dict[tuple[str, str], _Here] = {}
 
 
 def _here(work: Work) -> _Here:
-    if work.token not in _IN_THIS_PROCESS:
+    # Two studies of one function with other cases have other programmes: each is prepared for its own root.
+    key = work.token, canonical(work.root)
+    if key not in _IN_THIS_PROCESS:
         _IN_THIS_PROCESS.clear()
-        _IN_THIS_PROCESS[work.token] = _Here(work)
-    return _IN_THIS_PROCESS[work.token]
+        _IN_THIS_PROCESS[key] = _Here(work)
+    return _IN_THIS_PROCESS[key]

@@ -201,6 +201,18 @@ def test_slopes_are_the_derivatives_of_the_known_durations(polished):
         np.testing.assert_allclose(table[f"d cost / d {name}"], slope, rtol=1e-6)
 
 
+def softer(inverse):
+    return cart(limit=1.0 / inverse)
+
+
+@pytest.mark.parametrize("inverse", [1e-9, 1e9])
+def test_slopes_do_not_depend_on_the_size_of_a_number(inverse):
+    solver = Ipopt(tol=1e-12, progress=False)
+    table = Study(softer, over={"inverse": [inverse]}, grid=uniform(10), solver=solver, slopes=True).run()
+    exact = np.sqrt(1.0 / inverse)  # T = 2 sqrt(inverse)
+    np.testing.assert_allclose(table["d duration / d inverse"], exact, rtol=1e-5)
+
+
 def test_zipped_axes():
     table = carts(over=Zip({"mass": [1.0, 4.0], "limit": [1.0, 4.0]})).run()
     np.testing.assert_allclose(table["duration"], 2.0, rtol=1e-8)
