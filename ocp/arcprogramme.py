@@ -170,8 +170,11 @@ class ArcProgramme:
                     chosen = layout.state[own, :, limit.state] if along else layout.state[own[:1], :1, limit.state]
                     chosen = np.setdiff1d(chosen, known)
                     low[chosen], high[chosen] = -np.inf, np.inf
-                elif along:
-                    chosen = programme.path[numbers[limit.constraint, limit.component]][own]
+                else:
+                    rows = programme.path[numbers[limit.constraint, limit.component]]
+                    # A row at the start of an arc is the last one of the element before.
+                    before = rows[own[0] - 1, -1:] if limit.order and own[0] > 0 else rows[:0, 0]
+                    chosen = np.append(rows[own] if along else rows[:0], before)
                     rows_low[chosen], rows_high[chosen] = -np.inf, np.inf
         return low, high, rows_low, rows_high
 
