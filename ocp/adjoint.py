@@ -49,7 +49,7 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     the controls; by complementarity only the moved part of the multipliers, de_c/dt, has a slack to pay.
 
     Args:
-        solution: with finite states and costates.
+        solution: of any status; elements with numbers that are none are left alone.
         problem: that it solves.
 
     Source: R. F. Hartl, S. P. Sethi, R. G. Vickson, A survey of the maximum principles for optimal control problems
@@ -71,7 +71,8 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     reach = _reach(problem, u)
     size = np.where(np.isfinite(high - low), high - low, np.max(np.abs(values), axis=(0, 1)))
     away = np.minimum(high - values, values - low)
-    acts = np.min(away, axis=1) <= NEAR * size
+    known = [np.all(np.isfinite(part.reshape(count, -1)), axis=1) for part in (values, gradients, slopes, authority)]
+    acts = (np.min(away, axis=1) <= NEAR * size) & np.all(known, axis=0)[:, None]
     root = np.sqrt(np.abs(scheme.weights))
     # Polynomials through the points without a mean, and their slopes.
     free = np.linalg.svd(scheme.weights[None, :])[2][1:].T

@@ -59,3 +59,16 @@ def test_without_such_limits_nothing_moves():
         assert not adjoint.moved
         assert adjoint.costates is solution.costates
         assert not adjoint.slack.any()
+
+
+def test_numbers_that_are_none_are_left_alone():
+    solution = solve(LIFT.problem, radau(3), uniform(20), SHARP)
+    costates, states = solution.costates.copy(), solution.states.copy()
+    costates[10, 1], states[12, 2] = np.nan, np.inf
+    broken = replace(solution, costates=costates, states=states)
+    whole, adjoint = even(solution, LIFT.problem), even(broken, LIFT.problem)
+    left = [10, 12]
+    np.testing.assert_array_equal(adjoint.costates[left], costates[left])
+    np.testing.assert_allclose(np.delete(adjoint.costates, left, 0), np.delete(whole.costates, left, 0), rtol=1e-12)
+    assert np.all(np.isfinite(adjoint.slack))
+    assert not verify(replace(solution, costates=np.full_like(costates, np.nan))).ok
