@@ -159,7 +159,7 @@ def units(study: Study) -> dict[str, str]:
         elif head == "effects":
             metadata = {field.name: field.metadata for field in fields(catalogue.effects()[rest[0]])}
             found[name] = metadata[rest[1].removesuffix("_deg")].get("unit", "") if len(rest) == 2 else ""
-        elif rest[-1].isdigit():  # a component of a limit, or of the start or the goal
+        elif rest and rest[-1].isdigit():  # a component of a limit, or of the start or the goal
             signal = rest[0] if head == "limits" else "q"
             labels = system.label(signal, system[signal].numel()) if signal in system.signals else ()
             found[name] = labels[int(rest[-1]) - 1].unit if int(rest[-1]) <= len(labels) else ""

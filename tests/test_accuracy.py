@@ -109,6 +109,7 @@ def test_tables_tell_everything(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["table.csv"]
 
 
+@pytest.mark.slow
 def test_contenders_run_in_turn_and_medians_are_taken():
     order, seconds = [], iter([1.0, 9.0, 3.0, 9.0, 2.0, 9.0])
 
@@ -137,6 +138,7 @@ def test_extrapolated_reference_states_an_error_that_holds():
     assert abs(found.cost - LUUS) <= found.error <= 1e-2
 
 
+@pytest.mark.slow
 def test_bill_of_a_known_optimum(tmp_path, capsys):
     arguments = ["--problem", "P3", "--grids", "8", "16", "--schemes", "radau", "lobatto", "--controls", "constant"]
     assert (
@@ -174,6 +176,7 @@ def test_bill_of_a_known_optimum(tmp_path, capsys):
     assert (tmp_path / "accuracy_P3.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_polished_reference_and_contenders_reach_the_known_optimum(tmp_path, capsys):
     found = polished(problem_scene("P3"))
     assert found is not None

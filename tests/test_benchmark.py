@@ -50,6 +50,7 @@ def test_gathered_derivatives_are_those_of_casadi(name):
     np.testing.assert_allclose(np.array(functions["hess_lag"](point[0], p, *point[1:])), curvature, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_command_writes_table_and_picture(tmp_path, capsys):
     who = ["hamel", "given", "element", "map", "sx"]
     grids = ["4", "6", "9"]

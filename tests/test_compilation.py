@@ -187,6 +187,7 @@ def test_other_functions_flags_or_versions_make_another_library(cache, counted, 
     assert len(libraries(cache)) == 5
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("harm", ["cut", "changed", "empty", "no library", "link"])
 def test_a_damaged_library_is_made_anew(cache, counted, tmp_path, harm):

@@ -155,6 +155,7 @@ def test_friction_of_parameters():
     assert relative(np.array(given), np.array(folded)) < 1e-13
 
 
+@pytest.mark.slow
 @EACH_FORM
 def test_stop_turns_a_joint_back_and_keeps_what_it_does_not_damp(form):
     stiffness, end = 4e4, 0.4

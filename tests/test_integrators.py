@@ -228,6 +228,7 @@ def energy_errors(method, step, steps=100_000):
     return np.array([np.max(np.abs(part - energy[0])) for part in np.array_split(energy[1:], 10)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["gauss(2)", "stoermer_verlet"])
 def test_energy_is_bounded_over_1e5_steps(name):
     errors = energy_errors(FIXED[name][0], 0.02)

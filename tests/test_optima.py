@@ -42,6 +42,7 @@ def reaching_over() -> Problem:
     )
 
 
+@pytest.mark.slow
 def test_three_distinct_optima_and_the_best_first() -> None:
     task = reaching_over()
     optima = multistart(task, starts=16, grid=uniform(20))

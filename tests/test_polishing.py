@@ -196,6 +196,7 @@ def coarse_task(name, form, **changes):
     return solve(problem, grid=uniform(50)), arm, machine, effects
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TASKS)
 def test_machine_with_an_active_limit(name):
     found = []

@@ -35,6 +35,7 @@ def motion(form, speeds):
                           q=([0.15, -3.0, -3.0, 0.6], [2.8, 3.0, 3.0, 1.1]))  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speeds", [[2.0, FREE, FREE, FREE], [FREE, FREE, 4.0, FREE], [FREE, FREE, FREE, 0.6]], ids=str)
 def test_speeds_of_joints_are_states_in_one_form_and_expressions_in_the_other(speeds):
     found = [polish(solve(motion(form, speeds), grid=uniform(100), solver=QUIET)) for form in (canonical, lagrange)]

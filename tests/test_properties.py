@@ -100,6 +100,7 @@ def column(values):
     return np.array(values, dtype=float).ravel()
 
 
+@pytest.mark.slow
 @searching(120)
 @given(cases(WHOLE.values()))
 def test_every_form_in_every_frame_answers_inverse_dynamics(case):
@@ -125,6 +126,7 @@ def test_every_form_in_every_frame_answers_inverse_dynamics(case):
             assert abs(gained - power) <= allowed * np.linalg.norm(weight * v), (form, frame)
 
 
+@pytest.mark.slow
 @searching(20)
 @given(cases(KINDS), st.tuples(sizes(2.0), sizes(2.0), sizes(2.0), sizes(1.0)), st.sampled_from(["ldl", "regular"]))
 def test_motions_with_effects_are_recovered(case, loads, frame):

@@ -65,6 +65,7 @@ def test_smooth_problem_raises_the_degree():
     assert rungs[-1].cost == pytest.approx(known.cost, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_tolerances_in_other_terms():
     problem = problems.two_link().problem
     by_time = list(solve_to_accuracy(problem, Seconds(1e-4)))[-1]

@@ -179,6 +179,7 @@ def test_a_task_starts_and_ends_drives_at_rest():
     assert [c.expression.numel() for c in made] == [c.expression.numel() for c in rest]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", template.TASKS)
 def test_the_template_is_the_default_scene(name):
     scene, default = task_file.of_text(template.scene_text(name), name)
@@ -209,6 +210,7 @@ def test_every_effect_of_the_template_can_be_switched_on(effect):
     assert effect in [price.name for price in scene.prices]
 
 
+@pytest.mark.slow
 def test_the_cards_of_the_document_are_those_of_the_command():
     for name in write_scenes.EXAMPLES:
         assert f"```\n{write_scenes.example(name)}\n```" in DOCUMENT
@@ -228,6 +230,7 @@ def test_an_example_is_solved_and_verified(tmp_path, name):
     assert account["t_f"] == pytest.approx(float(printed), abs=2e-4)
 
 
+@pytest.mark.slow
 def test_options_change_the_scene(tmp_path):
     done = command(ROOT / "scripts/scenes/cylindrical.toml", "--form", "lagrange", "--to", "1", "0.5", "0.7", "--card")
     assert "lagrange form" in done.stdout

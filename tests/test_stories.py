@@ -77,6 +77,7 @@ def test_the_main_job(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", ["cylindrical", "torus"])
 @pytest.mark.parametrize(("form", "frame"), [("hamel", "paper"), ("lagrange", "ldl"), ("canonical", "udu")])
 def test_other_machines_forms_and_frames(tmp_path: Path, machine: str, form: str, frame: str) -> None:

@@ -72,6 +72,7 @@ def test_a_broken_executor_of_the_user_is_told_and_the_rest_goes_on_later(tmp_pa
 KILLED = "from pathlib import Path; from studies import squares; squares(Path({folder!r}), {count}).run()"
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments_nothing_is_lost_or_doubled(tmp_path):
     (tmp_path / "whole").mkdir()
     (tmp_path / "killed").mkdir()

@@ -81,6 +81,7 @@ def test_failures_leave_gaps_and_an_exit_status(tmp_path, capsys):
         assert [row["duration"] == "nan" for row in csv.DictReader(file)] == [False, False, True]
 
 
+@pytest.mark.slow
 def test_three_axes_texts_and_samples(tmp_path):
     three = '"payload.mass" = [0.0, 2.0]\n"limits.tau.factor" = [1.0, 1.1]\n"task.to.1" = [0.9, 1.0]\n'
     assert call(tmp_path, path=write(tmp_path, three, name="three.toml")) == 0

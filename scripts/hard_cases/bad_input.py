@@ -59,8 +59,9 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
     ("effects", input_models.acting),
     ("motions, paths, drives", input_models.motions),
 )
+LONG = ("solving, refining, verifying, solutions", "motions, paths, drives")
 CASES: tuple[Case, ...] = (
-    *(Case("input", name, QUANTITY, "", _refused(package)) for name, package in PARTS),
+    *(Case("input", name, QUANTITY, "", _refused(package), name not in LONG) for name, package in PARTS),
     Case("input", "parts that do not belong together", "answers that are not one sentence naming one", "", _pairs),
     Case("input", "broken files and stores", "answers that are not one sentence naming the file", "", _files),
 )

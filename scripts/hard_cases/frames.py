@@ -199,7 +199,7 @@ CASES: tuple[Case, ...] = (
     ),
     case("sphere, upright, regular", "theta", lambda: along(upright, "regular")),
     # d^2 psi / dt^2 is a difference of order one divided by sin(theta).
-    case("sphere, upright, paper", "theta", lambda: along(upright, "paper", DECADES[:7], 1.0)),
+    case("sphere, upright, paper", "theta", lambda: along(upright, "paper", DECADES[:7], 1.0), False),
     case("sphere, hanging, regular", "pi - theta", lambda: along(hanging, "regular"), False),
     case("sphere, hanging, paper", "pi - theta", lambda: along(hanging, "paper", DECADES[:7], 1.0), False),
     case("sphere, exactly upright, regular", "theta", lambda: along(upright, "regular", (0.0,))),
