@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.buffered import mapped
-from ocp.collocation import slope_matrix
+from ocp.collocation import Control, slope_matrix
 from ocp.constraint import Where
 from ocp.problem import Problem
 from ocp.solution import Solution
@@ -46,7 +46,12 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     certifies as well: to first order the cost lies above the optimum by at most the integral of
     (H(u) - min H) + mu_c (c_max - c), for every lambda and mu_c >= 0 that the adjoint equation connects. Here e_c
     makes the switching functions least on every element, in the mean square of what they are worth over the ranges of
-    the controls; by complementarity only the moved part of the multipliers, de_c/dt, has a slack to pay.
+    the controls; by complementarity only the moved part of the multipliers, de_c/dt, has a slack to pay. That mu_c
+    stays positive is not enforced; on problems with a known optimum the bound holds (tests/test_adjoint.py).
+
+    With a control that is linear or collocated on an element, or a Hamiltonian that is curved in it, the costates stay
+    as they are: there the multipliers are no saw, and their switching functions tell what the shape of the control
+    costs.
 
     Args:
         solution: of any status; elements with numbers that are none are left alone.
@@ -59,14 +64,15 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     function, low, high = _limits(problem)
     scheme, (count, d, nx) = solution.scheme, solution.costates.shape
     slack, nu = np.zeros(count), problem.system.u.numel()
-    if not len(low) or d < 2:
+    if not len(low) or d < 2 or scheme.control is not Control.CONSTANT:
         return Adjoint(solution.costates, slack, False)
     _, x, _, u = solution.samples(scheme.points)
     p = problem.system.values({n: v for n, v in solution.values.items() if n in problem.system.nominal})
     given = x.T, u.T, np.tile(np.array(p)[:, None], len(x)), solution.costates.reshape(len(x), nx).T
+    shapes: tuple[tuple[int, ...], ...] = ((len(low),), (len(low), nx), (nu,), (nu, len(low)))
     values, gradients, slopes, authority = (
-        np.array(part).T.reshape(count, d, *shape, order="C")
-        for part, shape in zip(mapped(function, len(x)).call(given), _shapes(len(low), nx, nu), strict=True)
+        np.array(part).T.reshape(count, d, *shape)
+        for part, shape in zip(mapped(function, len(x)).call(given), shapes, strict=True)
     )
     reach = _reach(problem, u)
     size = np.where(np.isfinite(high - low), high - low, np.max(np.abs(values), axis=(0, 1)))
@@ -80,18 +86,26 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     costates = solution.costates.copy()
     for k in np.flatnonzero(acts.any(axis=1)):
         held = np.flatnonzero(acts[k])
-        pushed = np.einsum("i,iua,ij->iuaj", root, authority[k][:, :, held] * reach[:, None], free)
-        scale = np.maximum(np.sqrt(np.sum(pushed**2, axis=(0, 1, 3))), 1e-300)
-        matrix = (pushed / scale[:, None]).reshape(d * nu, -1)
-        wanted = -(root[:, None] * slopes[k] * reach).ravel()
-        found = np.linalg.lstsq(matrix, wanted, rcond=None)[0].reshape(len(held), -1) / scale[:, None]
+        pushed = root[:, None, None] * authority[k][:, :, held] * reach[:, None]
+        found = _least(pushed, root[:, None] * slopes[k] * reach, free)
         costates[k] += np.einsum("aj,ij,iax->ix", found, free, gradients[k][:, held])
         slack[k] = np.sum(np.abs(np.einsum("aj,ij,i,ia->a", found, slope, scheme.weights, away[k][:, held])))
     return Adjoint(costates, slack, bool(acts.any()))
 
 
-def _shapes(limits: int, nx: int, nu: int) -> tuple[tuple[int, ...], ...]:
-    return (limits,), (limits, nx), (nu,), (nu, limits)
+def _least(pushed: Array, values: Array, free: Array) -> Array:
+    """Return the coefficients (a, d - 1) of e_c in `free` that make values + pushed e least.
+
+    Args:
+        pushed: (d, nu, a) by which each e_c changes each value.
+        values: (d, nu) at the points.
+        free: (d, d - 1) values of polynomials at the points.
+    """
+    matrix = np.einsum("iua,ij->iuaj", pushed, free)
+    size = np.maximum(np.sqrt(np.sum(matrix**2, axis=(0, 1, 3))), 1e-300)  # each limit has a unit of its own
+    matrix = (matrix / size[:, None]).reshape(values.size, -1)
+    found = np.linalg.lstsq(matrix, -values.ravel(), rcond=None)[0]
+    return np.asarray(found.reshape(len(size), -1) / size[:, None])
 
 
 def _reach(problem: Problem, u: Array) -> Array:
@@ -105,6 +119,10 @@ def _reach(problem: Problem, u: Array) -> Array:
 def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
     """Return (x, u, p, lambda) -> c, grad c, dH/du, d(dc/dt)/du of the limits of first order, row by row, and c_max."""
     system, rows = problem.system, []
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
+    if not ca.hessian(hamiltonian, system.u)[0].is_zero():
+        return ca.Function(), np.zeros(0), np.zeros(0)
     for constraint in problem.subject_to:
         if constraint.where is not Where.ALONG:
             continue
@@ -114,9 +132,7 @@ def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
             if of_states and finite and ca.depends_on(ca.jtimes(expression, system.x, system.rate), system.u):
                 rows.append((expression, constraint.lower[c], constraint.upper[c]))
     limits = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
-    costate = ca.SX.sym("lambda", system.x.numel())
-    gradients = ca.jacobian(limits, system.x)
-    slopes = ca.gradient(ca.dot(costate, system.rate) + problem.minimise.running, system.u)
+    gradients, slopes = ca.jacobian(limits, system.x), ca.gradient(hamiltonian, system.u)
     authority = ca.jacobian(ca.mtimes(gradients, system.rate), system.u)
     outputs = [limits, ca.vec(gradients.T), slopes, ca.vec(authority)]
     function = ca.Function(

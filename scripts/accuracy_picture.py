@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from accuracy_front import Curve, Point, front
 from matplotlib.axes import Axes
+from picture import finish
 
 MARKERS = "osD^v<>pPX*hd"
 Half = tuple[Sequence[Curve], float, str, str, str]  # the arguments of `diagram` after the axes
@@ -67,13 +68,7 @@ def write(path: Path, halves: Sequence[Half], title: str) -> None:
     for axes, half in zip(places[0], halves, strict=True):
         diagram(axes, *half)
     figure.suptitle(title, fontsize=11)
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
-    try:
-        figure.savefig(part, dpi=150)
-        part.replace(path)
-    finally:
-        plt.close(figure)
-        part.unlink(missing_ok=True)
+    finish(figure, path)
 
 
 def _drawable(point: Point) -> bool:

@@ -15,6 +15,7 @@ from pathlib import Path
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
+from picture import finish
 
 from models import Manipulator
 from models.forms import canonical, hamel, lagrange
@@ -260,5 +261,4 @@ def draw(table: Table, path: Path) -> None:
     axes[0][0].set_ylabel("seconds of one simulation")
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", fontsize=8, frameon=False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    finish(figure, path, dpi=130)

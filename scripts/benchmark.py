@@ -30,6 +30,7 @@ import numpy as np
 from benchmark_problems import CASES, Case, Outcome, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from picture import finish
 
 from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 
@@ -264,8 +265,7 @@ def draw(results: Results, path: Path) -> None:
     handles = [Line2D([], [], color=COLOURS[name], marker="o", markersize=3, label=name) for name in shown]
     handles.append(Line2D([], [], color="#555555", linestyle=":", label="set-up alone"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    finish(figure, path, dpi=130)
 
 
 def curve(axis: Axes, results: Results, problem: str, column: str, style: str) -> None:

@@ -23,6 +23,23 @@ POSES = 7  # of the arm in the path picture
 MOTION, LIMIT, FAINT, ACCENT = "#1f4e79", "#b03a2e", "#9aa5b1", "#d98c1f"
 
 
+def finish(figure: Figure, path: Path, dpi: int = 150) -> None:
+    """Write a picture and close it; an existing file is replaced only when the new one is complete.
+
+    Args:
+        figure: of matplotlib.
+        path: of the picture; the suffix chooses the format.
+        dpi: dots per inch.
+    """
+    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    try:
+        figure.savefig(part, dpi=dpi)
+        part.replace(path)
+    finally:
+        plt.close(figure)
+        part.unlink(missing_ok=True)
+
+
 def time_optimal(
     solution: Solution | SequenceSolution, machine: Manipulator, torques: np.ndarray, title: str, path: Path
 ) -> None:
@@ -74,8 +91,7 @@ def time_optimal(
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    finish(figure, path, dpi=130)
 
 
 def phases(solution: Solution | SequenceSolution) -> tuple[tuple[Solution, ...], np.ndarray]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
-from picture import ACCENT, FAINT, LIMIT, MOTION
+from picture import ACCENT, FAINT, LIMIT, MOTION, finish
 
 from ocp import Problem, Solution
 from ocp.constraint import Where
@@ -101,8 +102,7 @@ def structure(solution: Solution, path: str | os.PathLike[str]) -> None:
     arcs = len(solution.structure.arcs)
     words = f"Switching structure: {arcs} arc{'s' if arcs > 1 else ''}, $t_f$ = {solution.duration:.10g} s"
     figure.suptitle(words, fontsize=10)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    finish(figure, Path(path))
 
 
 def _along(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:

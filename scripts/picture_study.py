@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from picture import ACCENT, FAINT, LIMIT, MOTION, pretty
+from picture import ACCENT, FAINT, LIMIT, MOTION, finish, pretty
 
 from ocp import StudyTable
 from ocp.influence import influences, jumps
@@ -270,11 +270,5 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
 
 def _save(figure: Figure, stem: Path, what: str) -> Path:
     path = stem.with_name(f"{stem.name}_{what}.png")
-    part = path.with_name(f"{path.stem}.part.png")
-    try:
-        figure.savefig(part, dpi=150)
-        part.replace(path)
-    finally:
-        plt.close(figure)
-        part.unlink(missing_ok=True)
+    finish(figure, path)
     return path

@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from picture import ACCENT, FAINT, LIMIT, MOTION, pretty
+from picture import ACCENT, FAINT, LIMIT, MOTION, finish, pretty
 
 from models import TorqueTable
 
@@ -64,8 +64,7 @@ def draw(table: TorqueTable, raw: np.ndarray | None, path: Path) -> None:
     figure.suptitle(
         f"Torques of a motion of the {table.machine.name} manipulator, {table.t[-1] - table.t[0]:.5g} s", fontsize=11
     )
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    finish(figure, path, dpi=130)
 
 
 def _plane(axes: Axes, table: TorqueTable, i: int, shown: np.ndarray) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import problems
 import pytest
 
-from ocp import Ipopt, along, estimate, legendre, lobatto, radau, solve, uniform, verify
+from ocp import Control, Ipopt, along, estimate, legendre, lobatto, radau, solve, uniform, verify
 from ocp.adjoint import even
 
 SHARP = Ipopt(tol=1e-11, progress=False)
@@ -52,9 +52,16 @@ def test_the_unit_of_a_limit_plays_no_part():
     np.testing.assert_allclose(there.slack, here.slack, rtol=1e-6, atol=1e-12)
 
 
-def test_without_such_limits_nothing_moves():
-    for known in (problems.lift_fastest(), problems.bryson_denham(0.1)):  # none, and one of second order
-        solution = solve(known.problem, radau(3), uniform(20), SHARP)
+def test_where_no_multiplier_is_a_saw_nothing_moves():
+    cases = (
+        (problems.lift_fastest(), radau(3)),
+        (problems.bryson_denham(0.1), radau(3)),  # of second order
+        (problems.crane(), radau(3)),  # H curved in the control
+        (LIFT, radau(3, Control.LINEAR)),
+        (LIFT, radau(3, Control.COLLOCATED)),
+    )
+    for known, scheme in cases:
+        solution = solve(known.problem, scheme, uniform(20), SHARP)
         adjoint = even(solution, known.problem)
         assert not adjoint.moved
         assert adjoint.costates is solution.costates

@@ -15,7 +15,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from picture import FAINT, LIMIT
+from picture import FAINT, LIMIT, finish
 
 from hard_cases.case import Figure, Finding
 
@@ -52,13 +52,7 @@ def draw(findings: Sequence[Finding], path: Path) -> None:
         axes.set_title(kind[0], fontsize=10)
         axes.set_xlabel(towards, fontsize=8)
         axes.set_ylabel("\n".join(textwrap.wrap(quantity, 44)), fontsize=8)
-    part = path.with_name(f"{path.stem}.part.png")
-    try:
-        figure.savefig(part, dpi=110)
-        part.replace(path)
-    finally:
-        plt.close(figure)
-        part.unlink(missing_ok=True)
+    finish(figure, path, dpi=110)
 
 
 def _kind(finding: Finding) -> tuple[str, str, str]:
