@@ -61,11 +61,14 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
         with state constraints, SIAM Review 37 (1995), direct adjoining; D. G. Luenberger, Optimization by Vector Space
         Methods, 1969, 8.6 (duality).
     """
-    function, low, high = _limits(problem)
     scheme, (count, d, nx) = solution.scheme, solution.costates.shape
     slack, nu = np.zeros(count), problem.system.u.numel()
-    if not len(low) or d < 2 or scheme.control is not Control.CONSTANT:
-        return Adjoint(solution.costates, slack, False)
+    as_it_is = Adjoint(solution.costates, slack, False)
+    if d < 2 or scheme.control is not Control.CONSTANT:
+        return as_it_is
+    function, low, high = _limits(problem)
+    if not len(low):
+        return as_it_is
     _, x, _, u = solution.samples(scheme.points)
     p = problem.system.values({n: v for n, v in solution.values.items() if n in problem.system.nominal})
     given = x.T, u.T, np.tile(np.array(p)[:, None], len(x)), solution.costates.reshape(len(x), nx).T
@@ -117,7 +120,10 @@ def _reach(problem: Problem, u: Array) -> Array:
 
 @functools.lru_cache(maxsize=32)
 def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
-    """Return (x, u, p, lambda) -> c, grad c, dH/du, d(dc/dt)/du of the limits of first order, row by row, and c_max."""
+    """Return (x, u, p, lambda) -> c, grad c, dH/du, d(dc/dt)/du of the limits of first order, and both their sides.
+
+    None where H is curved in the controls.
+    """
     system, rows = problem.system, []
     costate = ca.SX.sym("lambda", system.x.numel())
     hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running

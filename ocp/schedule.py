@@ -55,7 +55,7 @@ class _State:
             record = self.finished[self.ids[above]]
             if record.ok:
                 content = self.store.solution(record.id)
-                if content is not None:  # else it is a case of a plain function, and so are all above it
+                if content is not None:  # else a plain function found it, and there is nothing to start from
                     start = Known(record.id, self.cases[above], content)
                     structure = self._structure(record, start)
                 break

@@ -253,11 +253,15 @@ def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Fi
     function = ca.Function("H", arguments, [hamiltonian, slope, ca.diag(curvature), terms])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
-    adjoint, given = even(solution, problem), (x.T, u.T, np.tile(p[:, None], times.size))
-    (values, _, _, sizes), (_, slopes, bends, _) = (
-        [np.array(part) for part in function.map(times.size)(*given, costates.reshape(times.size, -1).T)]
-        for costates in (solution.costates, adjoint.costates)
-    )
+
+    def evaluated(costates: Array) -> list[Array]:
+        given = x.T, u.T, np.tile(p[:, None], times.size), costates.reshape(times.size, -1).T
+        return [np.array(part) for part in function.map(times.size)(*given)]
+
+    adjoint = even(solution, problem)
+    values, slopes, bends, sizes = evaluated(solution.costates)
+    if adjoint.moved:
+        _, slopes, bends, _ = evaluated(adjoint.costates)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ values[0] / total)

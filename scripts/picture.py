@@ -1,4 +1,4 @@
-"""Pictures of solutions; the only place that draws."""
+"""Pictures of solutions, and how every picture is written."""
 
 from __future__ import annotations
 
