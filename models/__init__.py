@@ -1,21 +1,21 @@
 """Manipulators as symbolic ODEs in Lagrange, Boltzmann-Hamel and canonical form."""
 
-from models.contributions import split_torques
-from models.cylinder import cylindrical
-from models.estimation import Estimate, estimate
-from models.export import right_hand_side, write_code, write_function
-from models.loads import DriveLoad, Envelope
-from models.manipulator import Manipulator
-from models.motion import Motion
-from models.parameters import Parameter
-from models.path_timing import path_system, path_through, timed
-from models.scene import Scene
-from models.sphere import spherical
-from models.tool_motion import along_tool_path, through_tool_points
-from models.tool_path import arc, line, sampled
-from models.toroid import torus
-from models.torque_table import TorqueTable
-from models.torques import drive_dynamics, inverse_dynamics, recover
+from models.machines.cylindrical_arm import cylindrical
+from models.machines.manipulator import Manipulator
+from models.machines.parameters import Parameter
+from models.machines.spherical_arm import spherical
+from models.machines.torus_arm import torus
+from models.motions.motion import Motion
+from models.motions.path_timing import path_system, path_through, timed
+from models.motions.tool_motion import along_tool_path, through_tool_points
+from models.motions.tool_paths import arc, line, sampled
+from models.scenes.scene import Scene
+from models.torques.code_export import right_hand_side, write_code, write_function
+from models.torques.drive_loads import DriveLoad, Envelope
+from models.torques.effect_estimates import Estimate, estimate
+from models.torques.torque_functions import drive_dynamics, inverse_dynamics, recover
+from models.torques.torque_split import split_torques
+from models.torques.torque_table import TorqueTable
 
 __all__ = [
     "DriveLoad", "Envelope", "Estimate", "Manipulator", "Motion", "Parameter", "Scene", "TorqueTable",

@@ -1,37 +1,37 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
 from ocp import integrators
-from ocp.collocation import Control, Scheme, legendre, lobatto, radau
-from ocp.constraint import Constraint, along, end, periodic, start
-from ocp.design import LatinHypercube, Listed, Product, Random, Sobol, Zip
-from ocp.error import Errors, estimate
-from ocp.extension import extend, time_derivative
-from ocp.grid import Grid, given, uniform
-from ocp.guess import Guess, smooth, straight_line
-from ocp.ipopt import Ipopt
-from ocp.ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
-from ocp.optima import Optimum, multistart
-from ocp.outcome import Outcome, sweep
-from ocp.polishing import polish
-from ocp.problem import Bolza, Fixed, Free, Problem
-from ocp.refinement import solve_to_accuracy
-from ocp.region import Ball, Box, Cylinder, HalfSpace, inside, outside
-from ocp.sensitivities import Sensitivity, sensitivity
-from ocp.sequence import Sequence, SequenceSolution
-from ocp.simulation import Trajectory, simulate
-from ocp.solution import Accuracy, Multipliers, Solution, Status, Timings
-from ocp.solver import Prepared, prepare, solve
-from ocp.storage import load, save
-from ocp.store import Store, StoreError
-from ocp.structure import Structure
-from ocp.study import Study
-from ocp.study_table import StudyTable
-from ocp.succession import PreparedStructure, prepare_structure
+from ocp.accuracy.error_estimate import Errors, estimate
+from ocp.accuracy.refinement import solve_to_accuracy
+from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
+from ocp.accuracy.verification import Report, verify
+from ocp.arcs.arcs import Structure
+from ocp.arcs.carry_over import PreparedStructure, prepare_structure
+from ocp.arcs.polishing import polish
+from ocp.integrators.simulation import Trajectory, simulate
+from ocp.problem.constraints import Constraint, along, end, periodic, start
+from ocp.problem.dynamic_extension import extend, time_derivative
+from ocp.problem.problem import Bolza, Fixed, Free, Problem
+from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
+from ocp.problem.rest_to_rest import point_to_point
+from ocp.problem.sequence import Sequence, SequenceSolution
+from ocp.sensitivities.motion_derivatives import Held
+from ocp.sensitivities.post_optimal import Sensitivity, sensitivity
+from ocp.solution.solution import Accuracy, Multipliers, Solution, Status, Timings
+from ocp.solution.storage import load, save
+from ocp.solving.first_guesses import Guess, smooth, straight_line
+from ocp.solving.guess_ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.local_optima import Optimum, multistart
+from ocp.solving.solver import Prepared, prepare, solve
+from ocp.studies.designs import LatinHypercube, Listed, Product, Random, Sobol, Zip
+from ocp.studies.store import Store, StoreError
+from ocp.studies.study import Study
+from ocp.studies.sweeping import Outcome, sweep
+from ocp.studies.table import StudyTable
 from ocp.system import Label, System
-from ocp.tasks import point_to_point
-from ocp.tolerance import Cost, Seconds, Share, Signal, Tolerance
-from ocp.variation import Held
-from ocp.verification import Report, verify
+from ocp.transcription.grid import Grid, given, uniform
+from ocp.transcription.schemes.scheme import Control, Scheme, legendre, lobatto, radau
 
 __all__ = [
     "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from ocp import argument as argument
+from ocp import checks
 
 Side = float | Sequence[float] | np.ndarray | None  # of a limit
 
@@ -22,8 +22,8 @@ class Label:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        argument.text("Label: name", self.name)
-        argument.text("Label: unit", self.unit)
+        checks.text("Label: name", self.name)
+        checks.text("Label: unit", self.unit)
 
     def __str__(self) -> str:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
@@ -84,7 +84,7 @@ class System:
     def __post_init__(self) -> None:
         for name in ("x", "u", "p", "rate"):
             part = getattr(self, name)
-            argument.expression(f"System: {name}", part, "a CasADi SX column")
+            checks.expression(f"System: {name}", part, "a CasADi SX column")
             if part.numel() and part.shape[1] != 1:
                 raise ValueError(f"System: {name} has shape {part.shape}, expected a column")
         for name in ("x", "u", "p"):
@@ -93,10 +93,10 @@ class System:
         if self.rate.numel() != self.x.numel():
             raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}; give as many")
         for name in ("signals", "nominal", "labels", "limits", "initial"):
-            argument.mapping(f"System: {name}", getattr(self, name), "a dict by name")
-        argument.instance("System: notes", self.notes, tuple | list, "a tuple of sentences")
+            checks.mapping(f"System: {name}", getattr(self, name), "a dict by name")
+        checks.instance("System: notes", self.notes, tuple | list, "a tuple of sentences")
         for note in self.notes:
-            argument.text("System: notes, each", note, "a sentence")
+            checks.text("System: notes, each", note, "a sentence")
         if len(self.nominal) != self.p.numel():
             raise ValueError(
                 f"System: nominal names {len(self.nominal)} parameters ({', '.join(self.nominal) or 'none'}), "
@@ -112,7 +112,7 @@ class System:
                 raise TypeError(f"System: signal {name!r} is a {type(expression).__name__}, expected a CasADi SX")
             self.check_symbols(f"signal {name!r}", expression)
         for name, labels in self.labels.items():
-            argument.instance(f"System: labels of {name!r}", labels, tuple | list, "a tuple of Labels")
+            checks.instance(f"System: labels of {name!r}", labels, tuple | list, "a tuple of Labels")
             size = (self.x if name == "x" else self.u if name == "u" else self[name]).numel()
             if len(labels) != size:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
@@ -120,9 +120,9 @@ class System:
             if name not in self.signals:
                 given = "limits" if name in self.limits else "initial"
                 raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
-        argument.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
+        checks.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
         for place in self.singular:
-            argument.instance("System: singular, each", place, Singularity, "a Singularity")
+            checks.instance("System: singular, each", place, Singularity, "a Singularity")
             self.check_symbols("singular", place.quantity)
             if ca.depends_on(place.quantity, self.u):
                 raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
@@ -139,8 +139,8 @@ class System:
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is none."""
-        argument.text("what", what, "what the expression is called")
-        argument.expression(what, expression)
+        checks.text("what", what, "what the expression is called")
+        checks.expression(what, expression)
         known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
         foreign = [str(s) for s in ca.symvar(expression) if s.element_hash() not in known]
         if foreign:
@@ -153,7 +153,7 @@ class System:
         """Return the signal called `name`, or raise KeyError with the names there are."""
         if isinstance(name, str) and name in self.signals:
             return self.signals[name]
-        raise KeyError(f"no signal {argument.shown(name)}; this system has {self._names}")
+        raise KeyError(f"no signal {checks.shown(name)}; this system has {self._names}")
 
     @property
     def _names(self) -> str:
@@ -161,8 +161,8 @@ class System:
 
     def label(self, name: str, size: int) -> tuple[Label, ...]:
         """Return the labels of a signal (or of "x", "u") with `size` components."""
-        argument.text("name", name)
-        argument.whole("size", size, 0, of="components")
+        checks.text("name", name)
+        checks.whole("size", size, 0, of="components")
         if name in self.labels:
             return self.labels[name]
         return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
@@ -174,13 +174,13 @@ class System:
             ValueError: `given` names a parameter that the system does not have, or a value that is not finite.
         """
         given = {} if given is None else given
-        argument.mapping("values", given, "a dict parameter name -> number, or None")
+        checks.mapping("values", given, "a dict parameter name -> number, or None")
         for name in given:
             if name not in self.nominal:
                 raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
         found = {**self.nominal, **given}
         for name, value in found.items():
-            found[name] = argument.number(f"parameter {name!r}", value, "a finite number")
+            found[name] = checks.number(f"parameter {name!r}", value, "a finite number")
         return [found[name] for name in self.nominal]
 
 

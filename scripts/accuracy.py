@@ -18,20 +18,19 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-import accuracy_dymos
-import accuracy_integrators as simulated
-import accuracy_picture as picture
-import accuracy_table as table
-import benchmark_peers as peers
-from accuracy_contenders import SCHEMES, Contender, of_peer, on_uniform_grids, refined, schemes, with_polish
-from accuracy_dymos import of_dymos
-from accuracy_front import front, recommend
-from accuracy_measurement import Progress, against, curves, measure
-from accuracy_reference import reference
-from accuracy_scene import FORMS, Scene, machine_scene, problem_scene
-from benchmark_problems import CASES
-from template import TASKS
+from accuracy_bill import dymos as accuracy_dymos
+from accuracy_bill import integrators as simulated
+from accuracy_bill import picture, table
+from accuracy_bill.contenders import SCHEMES, Contender, of_peer, on_uniform_grids, refined, schemes, with_polish
+from accuracy_bill.dymos import of_dymos
+from accuracy_bill.measurement import Progress, against, curves, measure
+from accuracy_bill.pareto_front import front, recommend
+from accuracy_bill.reference import reference
+from accuracy_bill.scene import FORMS, Scene, machine_scene, problem_scene
+from benchmarks import peers
+from benchmarks.problems import CASES
 
+from models.scenes.scene_template import TASKS
 from ocp import Control, polish
 
 GRIDS = (12, 25, 50, 100, 200)

@@ -19,18 +19,18 @@ from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
-import benchmark_peers as peers
-import benchmark_reference as reference
 import matplotlib
+from benchmarks import hand_written as reference
+from benchmarks import peers
 
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from benchmark_problems import CASES, Case, Outcome, numbers
+from benchmarks.problems import CASES, Case, Outcome, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from picture import finish
+from pictures.solution import finish
 
 from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 

@@ -11,14 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import picture_study
-import study_file
-from executor import KINDS, executor
+from pictures import study as picture_study
+from reports import study_file
 
-from models.document import SceneError
+from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
-from ocp.influence import influences, jumps
-from ocp.schedule import Progress
+from ocp.studies.executors import KINDS, executor
+from ocp.studies.main_effects import influences, jumps
+from ocp.studies.runner import Progress
 
 NO_BAR = 'study: no progress bar without tqdm: pip install "hamel[study]"'
 

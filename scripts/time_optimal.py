@@ -14,19 +14,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import budget
 import numpy as np
-import picture
-import picture_structure
-from motion_table import at_points, finite, tabulate, write_csv
-from task import Task
-from task_file import of_document
-from template import TASKS, scene_text
+from pictures import solution as picture
+from pictures import structure as picture_structure
+from reports import effect_budget as budget
+from reports.motion_table import at_points, finite, tabulate, write_csv
 
-from models import Scene, catalogue
-from models.document import SceneError, Table, parse, read_document
+from models import Scene
 from models.effects import Gravity
-from models.terms import name_of
+from models.mechanics.terms import name_of
+from models.scenes import catalogue
+from models.scenes.scene_template import TASKS, scene_text
+from models.scenes.task import Task
+from models.scenes.task_file import of_document
+from models.scenes.toml_document import SceneError, Table, parse, read_document
 from ocp import Report, SequenceSolution, Solution, polish, radau, save, solve, uniform, verify
 
 AGREEMENT = 1e-8  # recovered torques against those of the solution, share of the limit

@@ -17,26 +17,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-import torque_picture
-from motion_file import read_motion
+from pictures import torques as torque_picture
+from reports.motion_file import read_motion
 
-from models import (
-    Envelope,
-    Manipulator,
-    Motion,
-    Scene,
-    TorqueTable,
-    catalogue,
-    inverse_dynamics,
-    write_code,
-    write_function,
-)  # fmt: skip
-from models.document import read_document
+from models import Envelope, Manipulator, Motion, Scene, TorqueTable, inverse_dynamics, write_code, write_function
 from models.effects import Gravity, Payload, Viscous
-from models.feasibility import broken_limits
-from models.recording import as_trajectory
-from models.scene_file import read_scene
-from models.terms import Effect
+from models.mechanics.terms import Effect
+from models.motions.recording import as_trajectory
+from models.scenes import catalogue
+from models.scenes.scene_file import read_scene
+from models.scenes.toml_document import read_document
+from models.torques.limit_check import broken_limits
 
 JOINT = ("motor_q", "motor_v")  # of the drives, that are no loads
 LONG = 100_000  # rows from which progress is shown

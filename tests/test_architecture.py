@@ -13,9 +13,9 @@ FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("
 LIBRARIES = {"casadi", "numpy"}
 # Libraries of an extra, imported where they are needed.
 OPTIONAL = {
-    "models/recording.py": {"yaml"},
-    "ocp/design.py": {"scipy"},
-    "ocp/study_table.py": {"pandas", "pyarrow", "xarray"},
+    "models/motions/recording.py": {"yaml"},
+    "ocp/studies/designs.py": {"scipy"},
+    "ocp/studies/table.py": {"pandas", "pyarrow", "xarray"},
 }
 # Words of one kind of system only; the toolkit knows none of them.
 FOREIGN = re.compile(r"\b(robot|arm|joint|manipulator|torque)s?\b", re.IGNORECASE)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from models import inverse_dynamics, recover
 from models.effects import Coulomb, Gravity, Payload, RotorInertia, Viscous
 from models.forms import canonical, hamel, lagrange
-from models.parameters import Parameter
+from models.machines.parameters import Parameter
 from ocp import simulate
 
 pytestmark = pytest.mark.hard

@@ -1,15 +1,15 @@
 """Effects: each adds its own Terms to a machine, or is not there at all."""
 
-from models.effects.capability import PowerLimit, TorqueSpeed
 from models.effects.counterbalance import Counterbalance
 from models.effects.drive import ElasticDrive, LaggedDrive
+from models.effects.drive_limits import PowerLimit, TorqueSpeed
 from models.effects.friction import Coulomb, Stribeck, Viscous
 from models.effects.gravity import Gravity
+from models.effects.joint_stop import JointStop
 from models.effects.motor import MotorDrive, WindingHeat
 from models.effects.payload import Payload
 from models.effects.rotor import RotorInertia
-from models.effects.stop import JointStop
-from models.effects.tool import ToolForce
+from models.effects.tool_force import ToolForce
 
 __all__ = [
     "Coulomb", "Counterbalance", "ElasticDrive", "Gravity", "JointStop", "LaggedDrive", "MotorDrive", "Payload",

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import quantity, read_fields
-from models.manipulator import Body, Manipulator
-from models.parameters import Value
-from models.placement import point_metric, simplified
-from models.terms import Terms
-from ocp.system import argument
+from models.effects.effect_fields import quantity, read_fields
+from models.machines.body_metrics import point_metric, simplified
+from models.machines.manipulator import Body, Manipulator
+from models.machines.parameters import Value
+from models.mechanics.terms import Terms
+from ocp import checks
 
 
 @dataclass(frozen=True)
@@ -48,10 +48,10 @@ class Counterbalance:
 
     def __post_init__(self) -> None:
         fields = read_fields(self)
-        argument.instance("counterbalance.body", self.body, str | None, "the name of a body, or None")
+        checks.instance("counterbalance.body", self.body, str | None, "the name of a body, or None")
         for name in ("at", "anchor"):
             if not isinstance(fields[name], tuple) or len(fields[name]) != 3 or None in fields[name]:
-                raise argument.refused(f"counterbalance.{name}", getattr(self, name), "three numbers")
+                raise checks.refused(f"counterbalance.{name}", getattr(self, name), "three numbers")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the mass and the potential."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Some, names_of, quantity, read_fields, units_of
-from models.manipulator import Manipulator
-from models.terms import Quantity, Rate, Source, State, Terms, Transmission
+from models.effects.effect_fields import Some, names_of, quantity, read_fields, units_of
+from models.machines.manipulator import Manipulator
+from models.mechanics.terms import Quantity, Rate, Source, State, Terms, Transmission
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Each, present, quantity, read_fields
-from models.manipulator import Manipulator
-from models.terms import Terms
+from models.effects.effect_fields import Each, present, quantity, read_fields
+from models.machines.manipulator import Manipulator
+from models.mechanics.terms import Terms
 
 FORCE, SPEED = "N m or N", "rad/s or m/s"
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from models.effects.fields import quantity, read_fields
-from models.manipulator import Manipulator
-from models.parameters import Value
-from models.terms import Terms
-from ocp.system import argument
+from models.effects.effect_fields import quantity, read_fields
+from models.machines.manipulator import Manipulator
+from models.machines.parameters import Value
+from models.mechanics.terms import Terms
+from ocp import checks
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Gravity:
     def __post_init__(self) -> None:
         read_fields(self, "g")
         wanted = "three numbers, not all zero"
-        if not np.any(argument.column("gravity.direction", self.direction, 3, wanted)):
-            raise argument.refused("gravity.direction", self.direction, wanted)
+        if not np.any(checks.column("gravity.direction", self.direction, 3, wanted)):
+            raise checks.refused("gravity.direction", self.direction, wanted)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the field; it acts on all masses, those that other effects attach included."""

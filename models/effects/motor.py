@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.effects.fields import Some, bounded, names_of, present, quantity, read_fields, units_of
-from models.manipulator import Manipulator
-from models.parameters import Parameter, Value
-from models.terms import Quantity, Rate, Read, Source, State, Terms
+from models.effects.effect_fields import Some, bounded, names_of, present, quantity, read_fields, units_of
+from models.machines.manipulator import Manipulator
+from models.machines.parameters import Parameter, Value
+from models.mechanics.terms import Quantity, Rate, Read, Source, State, Terms
 from ocp.system import Side
 
 

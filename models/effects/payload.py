@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from models.effects.fields import Entry, quantity, read_fields
-from models.inertia import ROUNDING
-from models.manipulator import Body, Manipulator
-from models.parameters import Value
-from models.placement import point_metric, turning_metric
-from models.terms import Terms
-from ocp.system import argument
+from models.effects.effect_fields import Entry, quantity, read_fields
+from models.machines.body_metrics import point_metric, turning_metric
+from models.machines.inertia import ROUNDING
+from models.machines.manipulator import Body, Manipulator
+from models.machines.parameters import Value
+from models.mechanics.terms import Terms
+from ocp import checks
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Payload:
             value = fields[name]
             if not isinstance(value, tuple) or len(value) not in sizes or None in value:
                 more = " (11, 22, 33) or six (and 12, 13, 23)" if name == "inertia" else ""
-                raise argument.refused(f"payload.{name}", getattr(self, name), f"three numbers{more}")
+                raise checks.refused(f"payload.{name}", getattr(self, name), f"three numbers{more}")
         numbers = [fields.nominal.get(f"payload.inertia_{i + 1}", e) for i, e in enumerate(fields["inertia"])]
         moments = np.linalg.eigvalsh(np.array(ca.DM(_tensor(numbers))))
         slack = ROUNDING * max(abs(moments[2]), abs(moments[0]))

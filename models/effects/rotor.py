@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from models.effects.fields import Each, quantity, read_fields
-from models.manipulator import Manipulator
-from models.terms import Terms
-from ocp.system import argument
+from models.effects.effect_fields import Each, quantity, read_fields
+from models.machines.manipulator import Manipulator
+from models.mechanics.terms import Terms
+from ocp import checks
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class RotorInertia:
         read_fields(self, "inertia", "ratio")
         if self.coupling is not None:
             wanted = "a square matrix of numbers"
-            matrix = argument.numbers("rotor_inertia.coupling", self.coupling, wanted)
+            matrix = checks.numbers("rotor_inertia.coupling", self.coupling, wanted)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-                raise argument.refused("rotor_inertia.coupling", self.coupling, wanted)
+                raise checks.refused("rotor_inertia.coupling", self.coupling, wanted)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from models.factorisation import factorise
 from models.forms.state_space import Equations, as_system, symbols
-from models.frames import Frame
-from models.manipulator import Manipulator
-from models.mechanics import Mechanics, Partials, assemble, momentum_rate
-from models.terms import Effect
+from models.machines.factorisation import factorise
+from models.machines.frames import Frame
+from models.machines.manipulator import Manipulator
+from models.mechanics.mechanics import Mechanics, Partials, assemble, momentum_rate
+from models.mechanics.terms import Effect
 from ocp.system import System
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from models.frames import Frame, without_negligible
-from models.mechanics import Mechanics
-from models.regularity import singularities
-from models.terms import Quantity
+from models.machines.frames import Frame, without_negligible
+from models.mechanics.mechanics import Mechanics
+from models.mechanics.singular_metric import singularities
+from models.mechanics.terms import Quantity
 from ocp.system import Label, System
 
 

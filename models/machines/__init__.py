@@ -1,0 +1,1 @@
+"""The three manipulators of Maisser's paper: coordinates, metric, frames, bodies, inverse kinematics."""

@@ -1,0 +1,1 @@
+"""Terms of the equations of motion, collected from a machine and its effects."""

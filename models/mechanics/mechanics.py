@@ -1,0 +1,223 @@
+"""Equations of motion of a machine with its effects, in any frame, from metric, frame and potential."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from models.machines.frames import Frame, curl, fixed, partial_derivative
+from models.machines.manipulator import Manipulator
+from models.mechanics.terms import Effect, Part, Quantity, Terms, gather
+from ocp import checks
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """A machine and what each of its effects adds, in the symbols q, v, those of states and the control."""
+
+    machine: Manipulator
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def terms(self) -> Terms:
+        """Sum of the terms of all effects."""
+        return sum((part.terms for part in self.parts), Terms())
+
+    @property
+    def metric(self) -> ca.SX:
+        """(n, n) metric g(q) in coordinates, with what effects add."""
+        return self.machine.metric if self.terms.metric is None else self.machine.metric + self.terms.metric
+
+    @property
+    def control(self) -> Quantity:
+        """(n,) control: of the drives, of the motors if joints are elastic, or the force on the joints itself."""
+        coordinates = self.machine.coordinates
+        if self.terms.source is not None:
+            return self.terms.source.control
+        elastic = self.terms.transmission
+        units = tuple(c.force_unit for c in coordinates)
+        if elastic is not None:
+            return Quantity(elastic.motor_tau, units, tuple(f"motor_tau_{c.name}" for c in coordinates))
+        return Quantity(self.machine.tau, units, tuple(f"tau_{c.name}" for c in coordinates))
+
+    @cached_property
+    def motors(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Position, velocity and torque of the motors, (n,) each, in units of the joints."""
+        elastic = self.terms.transmission
+        if elastic is None:
+            return self.machine.q, self.machine.v, self.tau
+        return elastic.motor_q, elastic.motor_v, self.resolved(elastic.motor_tau)
+
+    @cached_property
+    def tau(self) -> ca.SX:
+        """(n,) force of the drives on the joints [N m or N]."""
+        return self.resolved(self.machine.tau)
+
+    @property
+    def applied(self) -> ca.SX:
+        """(n,) generalised forces of effects that are not in the potential, none at all as structural zeros."""
+        n = self.machine.q.numel()
+        return ca.SX(n, 1) if self.terms.force is None else self.resolved(self.terms.force)
+
+    @property
+    def force(self) -> ca.SX:
+        """(n,) generalised forces that are not in the potential: drives and effects."""
+        return self.tau if self.terms.force is None else self.tau + self.applied
+
+    def resolved(self, expression: ca.SX) -> ca.SX:
+        """Return an expression of an effect with what it reads, and what the drives make of the control, put in.
+
+        Raises:
+            ValueError: an effect reads a signal that nobody defines, or signals depend on each other in a circle.
+        """
+        symbols, meanings = self._wires
+        if not symbols:
+            return expression
+        known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
+        for _ in range(len(symbols) + 1):
+            if not any(symbol.element_hash() in known for symbol in ca.symvar(expression)):
+                return expression
+            (expression,) = ca.substitute([expression], symbols, meanings)
+        names = ", ".join(sorted({read.name for read in self.terms.reads}))
+        raise ValueError(f"effects read signals that depend on each other in a circle: {names}")
+
+    @cached_property
+    def _wires(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        machine, terms = self.machine, self.terms
+        source, elastic = terms.source, terms.transmission
+        motor_tau = machine.tau if elastic is None else elastic.motor_tau
+        pairs = [] if source is None else [(motor_tau, source.torque)]
+        pairs += [] if elastic is None else [(machine.tau, elastic.torque)]
+        if terms.reads:
+            motion = (machine.q, machine.v) if elastic is None else (elastic.motor_q, elastic.motor_v)
+            known = {
+                "q": machine.q, "v": machine.v, "tau": machine.tau, "tool": machine.tool,
+                "tool_v": ca.jtimes(machine.tool, machine.q, machine.v),
+                "motor_q": motion[0], "motor_v": motion[1], "motor_tau": motor_tau,
+                **{name: quantity.expression for name, quantity in terms.signals.items()},
+                **{name: state.symbol for name, state in terms.states.items()},
+            }  # fmt: skip
+            for read in terms.reads:
+                if read.name not in known:
+                    raise ValueError(
+                        f"{read.reader} reads the signal {read.name!r}, which no effect of the list defines; "
+                        f"add {read.cure} (signals here: {', '.join(known)})"
+                    )
+                if known[read.name].numel() != read.symbol.numel():
+                    raise ValueError(f"{read.reader} reads {read.symbol.numel()} components of the signal "
+                                     f"{read.name!r}, which has {known[read.name].numel()}")  # fmt: skip
+                pairs.append((read.symbol, known[read.name]))
+        return [symbol for symbol, _ in pairs], [ca.densify(meaning) for _, meaning in pairs]
+
+    @property
+    def parameters(self) -> dict[str, ca.SX]:
+        """Parameters that stay symbols: those of the machine, then those of the effects in their order.
+
+        Raises:
+            ValueError: an effect and the machine have one of the same name.
+        """
+        for name in self.terms.symbols:
+            if name in self.machine.symbols:
+                raise ValueError(f"an effect defines the parameter {name!r}, which the machine has; rename it")
+        return {**self.machine.symbols, **self.terms.symbols}
+
+    @property
+    def potential(self) -> ca.SX:
+        """Potential energy U(q) [J]: of the effects, and of all masses in their field."""
+        total = self.terms.potential
+        if self.terms.acceleration is not None:
+            for body in (*self.machine.bodies, *self.terms.bodies):
+                total = total + body.mass * ca.dot(-self.terms.acceleration, body.centre)
+        return total
+
+    def at_rest(self) -> list[ca.SX]:
+        """Return what vanishes at rest beside v: velocities of elastic motors, and forces that no control can jump to.
+
+        On a joint whose drive has a state the force is tau - dU/dq + forces of effects, which is g a at v = 0.
+        """
+        control = self.control.expression
+        _, motor_v, motor_tau = self.motors
+        net = self.force - ca.gradient(self.potential, self.machine.q)
+        found = []
+        for i in range(self.machine.q.numel()):
+            elastic = not ca.depends_on(motor_v[i], self.machine.v)
+            if elastic:
+                found.append(motor_v[i])
+            if elastic and not ca.depends_on(motor_tau[i], control):
+                found.append(motor_tau[i] - self.tau[i])
+            if not ca.depends_on(self.tau[i], control):
+                found.append(net[i])
+        return found
+
+    def frame(self, chosen: str | Frame | None) -> Frame:
+        """Return the frame called `chosen` (default "regular"), or `chosen` itself, with what effects add."""
+        if isinstance(chosen, Frame):
+            return fixed(chosen)(self._added())
+        return self.machine.frame("regular" if chosen is None else chosen, self._added())
+
+    def _added(self) -> ca.SX:
+        n = self.machine.q.numel()
+        return ca.SX(n, n) if self.terms.metric is None else self.terms.metric
+
+
+@dataclass(frozen=True, eq=False)
+class Partials:
+    """d g'_ab / d q_i of a frame metric, entry by entry, so that both uses share their sub-expressions."""
+
+    by_coordinate: tuple[ca.SX, ...]  # n matrices (n, n)
+
+    @classmethod
+    def of(cls, frame: Frame) -> Partials:
+        """Differentiate the metric of a frame."""
+        metric = ca.cse(frame.metric)
+        return cls(tuple(partial_derivative(metric, qi) for qi in ca.vertsplit(frame.q)))
+
+    def kinetic_gradient(self, w: ca.SX) -> ca.SX:
+        """Return 1/2 w_a w_b d_i g'_ab, shape (n,)."""
+        return ca.vertcat(*(ca.dot(w, partial @ w) / 2 for partial in self.by_coordinate))
+
+    def metric_rate(self, v: ca.SX, w: ca.SX) -> ca.SX:
+        """Return (dg'/dt) w, shape (n,)."""
+        return sum((partial @ w * v[i] for i, partial in enumerate(self.by_coordinate)), ca.SX(*w.shape))
+
+
+def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:
+    """Put a machine and its effects together.
+
+    Args:
+        machine: a Manipulator.
+        effects: in any order.
+
+    Raises:
+        TypeError, ValueError: see `models.terms.gather`.
+    """
+    if not isinstance(machine, Manipulator):
+        raise TypeError(f"machine: got {checks.shown(machine)}, expected a Manipulator such as spherical()")
+    return Mechanics(machine, gather(machine, effects))
+
+
+def momentum_rate(mechanics: Mechanics, frame: Frame, w: ca.SX, p: ca.SX, partials: Partials) -> ca.SX:
+    """Return dp'/dt in a frame, from quasi-velocities w and momenta p = g' w.
+
+    p'_a = S_ia [ 1/2 w_b w_c d_i g'_bc + p_b (d_i F_bj - d_j F_bi) v_j - d_i U + Q_i ],  v = S w
+
+    which is (2.3) with the velocities kept as a common factor: the force is 1/2 w' (dg') w, never -1/2 p' d(g'^-1) p.
+
+    Args:
+        mechanics: machine and effects.
+        frame: the frame, with its metric.
+        w: (n,) quasi-velocities.
+        p: (n,) momenta.
+        partials: of the metric of the frame.
+
+    Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (1.5) and (2.3).
+    """
+    v = frame.inverse @ w
+    force = partials.kinetic_gradient(w) - ca.gradient(mechanics.potential, frame.q)
+    for b, i, j, entry in curl(frame):
+        force[i] += p[b] * entry * v[j]
+    applied = ca.substitute(mechanics.force, mechanics.machine.v, v)
+    return frame.inverse.T @ (force + applied)

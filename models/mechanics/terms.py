@@ -1,0 +1,194 @@
+"""What an effect adds to a machine. Terms only add: nothing removes or overrides."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import casadi as ca
+
+from ocp import checks
+from ocp.system import Side
+
+if TYPE_CHECKING:
+    from models.machines.manipulator import Body, Manipulator
+
+Any = TypeVar("Any")
+Rate = Callable[[ca.SX], ca.SX]  # time derivative along a motion
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A named scalar or column that an effect publishes, with its unit."""
+
+    expression: ca.SX
+    unit: str | tuple[str, ...]  # one for all components, or one for each
+    components: tuple[str, ...] = ()  # their names, for a column
+
+    def labelled(self, name: str) -> tuple[tuple[str, str], ...]:
+        """Return name and unit of every component."""
+        size = self.expression.numel()
+        units = (self.unit,) * size if isinstance(self.unit, str) else self.unit
+        names = self.components or ((name,) * size if size == 1 else tuple(f"{name}_{i + 1}" for i in range(size)))
+        return tuple(zip(names, units, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A state of an effect: its symbol z, its rate dz/dt, its unit, and its value at t = 0 if it has one of its own."""
+
+    symbol: ca.SX
+    rate: ca.SX
+    unit: str
+    initial: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A signal that an effect reads, whoever defines it and wherever that stands in the list.
+
+    Signals are those of other effects, and q, v, tau (on the joints), tool, tool_v, motor_q, motor_v, motor_tau (in
+    units of the joints) and time, which every machine has.
+    """
+
+    name: str
+    symbol: ca.SX  # what stands for it in the terms of the effect
+    reader: str  # name of the effect, for the message
+    cure: str  # effect that defines it, for the message
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What makes the torque of the motors from the control; without one the torque is the control."""
+
+    control: Quantity  # (n,) symbols
+    torque: ca.SX  # (n,) of the motors, in units of the joints
+    invert: Callable[
+        [ca.SX, ca.SX, Rate], Mapping[str, Quantity]
+    ]  # (motor torque, motor velocity, d/dt) -> what it takes
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """What lies between motors and joints; without one the motors are the joints."""
+
+    motor_tau: ca.SX  # (n,) symbols that stand for the torque of the motors
+    motor_q: ca.SX  # (n,) position of the motors, in units of the joints
+    motor_v: ca.SX  # (n,)
+    torque: ca.SX  # (n,) on the joints
+    invert: Callable[[ca.SX, Rate], tuple[ca.SX, ca.SX, ca.SX]]  # (torque, d/dt) -> motor_q, motor_v, motor_tau
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Contributions, written in the symbols q, v and tau of the machine; tau is the force on the joints."""
+
+    metric: ca.SX | None = None  # (n, n) added to g(q)
+    potential: ca.SX = field(default_factory=lambda: ca.SX(0))  # U(q) [J]
+    acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
+    bodies: tuple[Body, ...] = ()  # that the effect attaches; their inertia is in `metric`
+    force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
+    states: Mapping[str, State] = field(default_factory=dict)
+    signals: Mapping[str, Quantity] = field(default_factory=dict)
+    symbols: Mapping[str, ca.SX] = field(default_factory=dict)  # parameters that stay symbols
+    nominal: Mapping[str, float] = field(default_factory=dict)  # their values
+    limits: Mapping[str, tuple[Side, Side]] = field(default_factory=dict)  # signal -> lower, upper along every motion
+    reads: tuple[Read, ...] = ()
+    source: Source | None = None
+    transmission: Transmission | None = None
+    energy: ca.SX = field(default_factory=lambda: ca.SX(0))  # stored in states of the effect [J]
+    spring: ca.SX = field(default_factory=lambda: ca.SX(0))  # potential of a part of `force`, where that is shorter [J]
+    dissipation: ca.SX = field(default_factory=lambda: ca.SX(0))  # power lost beside -force . v [W]
+    defines: Mapping[str, str] = field(default_factory=dict)  # what only one effect may define -> name of the effect
+
+    def __add__(self, other: Terms) -> Terms:
+        for thing, name in other.defines.items():
+            if thing in self.defines:
+                both = f"{self.defines[thing]} and {name}" if self.defines[thing] != name else f"{name}, twice"
+                raise ValueError(f"two effects define the {thing}: {both}; keep one of them")
+        return Terms(
+            metric=_sum(self.metric, other.metric),
+            potential=self.potential + other.potential,
+            acceleration=_sum(self.acceleration, other.acceleration),
+            bodies=self.bodies + other.bodies,
+            force=_sum(self.force, other.force),
+            states=_union("state", self.states, other.states),
+            signals=_union("signal", self.signals, other.signals),
+            symbols=_union("parameter", self.symbols, other.symbols),
+            nominal={**self.nominal, **other.nominal},
+            limits=_union("limit", self.limits, other.limits),
+            reads=self.reads + other.reads,
+            source=_one("drive", self.source, other.source),
+            transmission=_one("transmission", self.transmission, other.transmission),
+            energy=self.energy + other.energy,
+            spring=self.spring + other.spring,
+            dissipation=self.dissipation + other.dissipation,
+            defines={**self.defines, **other.defines},
+        )
+
+
+# Called with the machine and the terms of the effects before it, returns its own. What another effect defines is
+# better read by a `Read`, which does not depend on the order of the list.
+Effect = Callable[["Manipulator", Terms], Terms]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What an effect of a list is called, and its terms."""
+
+    name: str
+    terms: Terms
+
+
+def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
+    """Return the terms of every effect, each called with the sum of those before it; a clock if one reads the time.
+
+    Raises:
+        TypeError: something that is no effect.
+        ValueError: two effects define the same state, signal, parameter, drive, ...
+    """
+    checks.instance("effects", effects, list | tuple, "a list of effects such as [Gravity()]")
+    total, parts = Terms(), list[Part]()
+    for effect in effects:
+        if isinstance(effect, type) or not callable(effect):
+            raise TypeError(f"effects: got {checks.shown(effect)}, expected an effect such as Gravity()")
+        terms = effect(machine, total)
+        checks.instance(f"effects: {name_of(effect)} returned a value that", terms, Terms, "its Terms")
+        total = total + terms
+        same = sum(part.name.rstrip("_0123456789") == name_of(effect) for part in parts)
+        parts.append(Part(f"{name_of(effect)}_{same + 1}" if same else name_of(effect), terms))
+    if "time" not in total.states and any(read.name == "time" for read in total.reads):
+        parts.append(Part("clock", Terms(states={"time": State(ca.SX.sym("time"), ca.SX(1), "s", 0.0)})))
+    return tuple(parts)
+
+
+def name_of(effect: Effect) -> str:
+    """Return the name of an effect: of its class, in words with underscores, as in rotor_inertia."""
+    name = getattr(effect, "__name__", type(effect).__name__)
+    return snake(name) if name.isidentifier() else "effect"
+
+
+def snake(name: str) -> str:
+    """Return CamelCase as camel_case."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+def _sum(one: ca.SX | None, other: ca.SX | None) -> ca.SX | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return one + other
+
+
+def _one(kind: str, one: Any | None, other: Any | None) -> Any | None:
+    if one is not None and other is not None:
+        raise ValueError(f"two effects define the {kind}; keep one of them")
+    return one if other is None else other
+
+
+def _union(kind: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    for name in other:
+        if name in one:
+            raise ValueError(f"two effects define the {kind} {name!r}; keep one of them")
+    return {**one, **other}

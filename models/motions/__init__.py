@@ -1,0 +1,1 @@
+"""Motions q(t) from functions, profiles, waypoints, samples, files, paths and solutions."""

@@ -1,0 +1,137 @@
+"""A task as a value: from, to, via, limits, obstacles, what is minimised, horizon; and as a Problem."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import casadi as ca
+
+from models.scenes.card import entry, interval
+from ocp import Bolza, Constraint, Fixed, Free, Problem, Sequence, System, along, end, start
+from ocp.problem.regions import Region
+
+
+@dataclass(frozen=True)
+class Interval:
+    """lower <= signal <= upper, component by component, SI and radians; infinite for no limit."""
+
+    signal: str
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    def at(self, where: Callable[..., Constraint], system: System) -> Constraint:
+        """Return the constraint at the start, at the end or along, as `where` is start, end or along."""
+        replaces = self.signal if where is along and self.signal in system.limits else ""
+        return where(system[self.signal], self.lower, self.upper, name=replaces)
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A region that a point of the motion stays out of, or inside of."""
+
+    region: Region
+    keep: Callable[[Region, ca.SX], Constraint]  # outside or inside
+    point: str  # signal
+
+
+@dataclass(frozen=True)
+class Task:
+    """A motion to be found: where it begins, passes and ends, within which limits, and what is minimised."""
+
+    begin: tuple[Interval, ...]
+    via: tuple[tuple[Interval, ...], ...]
+    finish: tuple[Interval, ...]
+    limits: tuple[Interval, ...]
+    obstacles: tuple[Obstacle, ...]
+    horizons: tuple[Free | Fixed, ...]  # one for each leg
+    elements: int = 50  # of the grid of each leg
+    time: float = 1.0  # weight of the duration
+    squares: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)  # signal -> weights
+    integral: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+
+    def problem(self, system: System) -> Problem | Sequence:
+        """Return the problem of the task for a system; with via points a sequence of one problem for each leg.
+
+        Raises:
+            KeyError: the system lacks a signal.
+        """
+        return self._legs(system)[0] if not self.via else Sequence(self._legs(system), links_of(system))
+
+    def card(self, system: System) -> str:
+        """Return the task as lines of a card."""
+
+        def listed(intervals: tuple[Interval, ...]) -> str:
+            return "; ".join(
+                interval(label, low, high)
+                for one in intervals
+                for label, low, high in zip(
+                    system.label(one.signal, len(one.lower)), one.lower, one.upper, strict=True
+                )
+            )  # fmt: skip
+
+        cost = [f"{self.time:g} t_f"] if self.time else []
+        cost += [f"integral of {weights} . {name}^2" for name, weights in self.squares.items()]
+        cost += [f"integral of {weights} . {name}" for name, weights in self.integral.items()]
+        lines = [*entry("task limits", listed(self.limits)), *entry("from", listed(self.begin))]
+        for point in self.via:
+            lines += entry("via", listed(point))
+        lines += [*entry("to", listed(self.finish)), *entry("minimise", " + ".join(cost))]
+        for obstacle in self.obstacles:
+            lines += entry(obstacle.keep.__name__, f"{obstacle.region} for {obstacle.point}")
+        lines += entry("horizon", f"{'; '.join(map(str, self.horizons))}; {self.elements} elements for each leg")
+        return "\n".join(lines)
+
+    def known_to(self, system: System) -> Task:
+        """Return the task without what it says about signals that the system does not have."""
+
+        def kept(given: tuple[Interval, ...]) -> tuple[Interval, ...]:
+            return tuple(i for i in given if i.signal in system.signals and system[i.signal].numel() == len(i.lower))
+
+        return replace(
+            self,
+            begin=kept(self.begin), finish=kept(self.finish), limits=kept(self.limits),
+            via=tuple(kept(point) for point in self.via),
+            squares={name: w for name, w in self.squares.items() if name in system.signals},
+            integral={name: w for name, w in self.integral.items() if name in system.signals},
+        )  # fmt: skip
+
+    def _legs(self, system: System) -> tuple[Problem, ...]:
+        named = {interval.signal for interval in self.begin}
+        still = "rest" if "rest" in system.signals else "v"
+        size = system[still].numel()
+        rest = Interval(still, (0.0,) * size, (0.0,) * size)
+        begin = [interval.at(start, system) for interval in self.begin]
+        begin += [] if "v" in named else [rest.at(start, system)]
+        begin += [start(system[name], value) for name, value in system.initial.items() if name not in named]
+        finish = [interval.at(end, system) for interval in self.finish]
+        finish += [] if "v" in {interval.signal for interval in self.finish} else [rest.at(end, system)]
+        throughout = [interval.at(along, system) for interval in self.limits]
+        throughout += [o.keep(o.region, system[o.point]) for o in self.obstacles]
+        edges = [begin, *([interval.at(end, system) for interval in point] for point in self.via), finish]
+        return tuple(
+            Problem(system, horizon, self._cost(system), (*(first if k == 0 else ()), *last, *throughout))
+            for k, ((first, last), horizon) in enumerate(zip(pairwise(edges), self.horizons, strict=True))
+        )
+
+    def _cost(self, system: System) -> Bolza:
+        running = ca.SX(0)
+        for name, weights in self.squares.items():
+            running += ca.dot(ca.DM(weights), system[name] ** 2)
+        for name, weights in self.integral.items():
+            running += ca.dot(ca.DM(weights), system[name])
+        return Bolza(time=self.time, running=running)
+
+
+def links_of(system: System) -> tuple[str | tuple[ca.SX, ca.SX], ...]:
+    """Return what is continuous between legs: signals that make up the state, or the state itself."""
+    missing = {symbol.element_hash() for symbol in ca.vertsplit(system.x)}
+    names = []
+    for name, signal in system.signals.items():
+        parts = {part.element_hash() for part in ca.vertsplit(ca.densify(signal)) if part.is_symbolic()}
+        if len(parts) == signal.numel() and parts <= missing:
+            names.append(name)
+            missing -= parts
+    return tuple(names) if not missing else ((system.x, system.x),)

@@ -1,0 +1,253 @@
+"""The part of a scene file that is the task."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import ocp
+from models import Scene
+from models.mechanics.terms import snake
+from models.scenes.scene_file import KEYS, read_scene
+from models.scenes.task import Interval, Obstacle, Task
+from models.scenes.toml_document import SceneError, Table, is_angle, parse, read_document, spellings, unknown
+from ocp import Fixed, Free, Label, System, inside, outside
+
+Weights = Mapping[str, tuple[float, ...]]
+SIDES = ("lower", "upper", "lower_deg", "upper_deg")
+REGIONS: dict[str, Callable[..., Any]] = {
+    snake(name): thing for name, thing in vars(ocp).items() if name in ocp.__all__ and hasattr(thing, "within")
+}
+PLACES = {"outside": outside, "inside": inside}
+
+
+def load(path: str | Path) -> tuple[Scene, Task]:
+    """Read a scene file: the scene and the task.
+
+    Args:
+        path: of a TOML file.
+
+    Raises:
+        SceneError: the file cannot be used; one sentence with file, line and key.
+    """
+    return of_document(read_document(path))
+
+
+def of_text(text: str, file: str) -> tuple[Scene, Task]:
+    """Return the scene and the task of a text, which messages call `file`."""
+    return of_document(parse(text, file))
+
+
+def of_document(document: Table) -> tuple[Scene, Task]:
+    """Return the scene and the task of a document."""
+    document.only([*KEYS, "limits", "task"])
+    scene = read_scene(document)
+    return scene, read_task(document, scene)
+
+
+def read_task(document: Table, scene: Scene) -> Task:
+    """Return the task of a document.
+
+    Args:
+        document: made by `models.document.read_document`.
+        scene: of the same document.
+
+    Raises:
+        SceneError: a wrong name, number or combination; the message names file, line and key.
+    """
+    system = scene.system
+    limits = document.table("limits")
+    found = [read_interval(limits, name, system, magnitudes=True) for name in _signals(limits, system)]
+    document.require("task")
+    table = document.table("task")
+    table.only(["from", "from_deg", "to", "to_deg", "via", "obstacles", "minimise", "horizon", "elements"])
+    for name in ("from", "to"):
+        if not table.has(name):
+            raise table.error("", f"the key {name!r} is missing")
+    points = table.entries.get("via", [])
+    if not isinstance(points, list):
+        raise table.error("via", "expected a list of points, via = [ [...], ... ]")
+    via = tuple(
+        _pose(Table(table.file, table.lines, table.key, {f"via[{k}]": point}), f"via[{k}]", scene)
+        for k, point in enumerate(points, 1)
+    )
+    begin, finish = _pose(table, "from", scene), _pose(table, "to", scene)
+    time, squares, integral = _cost(table, system)
+    obstacles = tuple(_obstacle(inner, system) for inner in table.tables("obstacles"))
+    task = Task(
+        begin,
+        via,
+        finish,
+        tuple(found),
+        obstacles,
+        _horizons(table, len(via) + 1),
+        _elements(table),
+        time,
+        squares,
+        integral,
+    )
+    try:
+        task.problem(system)
+    except (ValueError, TypeError) as error:
+        raise table.error("", str(error)) from None
+    return task
+
+
+def read_interval(table: Table, name: str, system: System, magnitudes: bool) -> Interval:
+    """Return what an entry says about a signal: values, magnitudes, or { lower = ..., upper = ... }.
+
+    Args:
+        table: with the entry.
+        name: of the signal; the entry may have `_deg` behind it.
+        system: with the signal.
+        magnitudes: whether plain numbers limit the size of the signal, not its value.
+
+    Raises:
+        SceneError: a wrong number, or lower > upper.
+    """
+    parts, value = _parts(system, name), table.entries.get(name)
+    if isinstance(value, dict) and any(key in SIDES for key in value):
+        inner = table.inner(name, value)
+        inner.only(SIDES if any(is_angle(part.unit) for part in parts) else SIDES[:2])
+        lower = inner.column("lower", parts, -np.inf) if inner.has("lower") else (-np.inf,) * len(parts)
+        upper = inner.column("upper", parts, np.inf) if inner.has("upper") else (np.inf,) * len(parts)
+        for part, low, high in zip(parts, lower, upper, strict=True):
+            if low > high:
+                raise inner.error("", f"lower {low:g} is above upper {high:g} {part.unit} for {part.name}")
+        return Interval(name, lower, upper)
+    if not magnitudes:
+        values = table.column(name, parts)
+        return Interval(name, values, values)
+    sizes = table.column(name, parts, np.inf)
+    for part, size in zip(parts, sizes, strict=True):
+        if size < 0.0:
+            spelled = name if name in table.entries else f"{name}_deg"
+            raise table.error(spelled, f"got {size:g} {part.unit} for {part.name}, expected magnitudes >= 0, "
+                              "or { lower = ..., upper = ... }")  # fmt: skip
+    return Interval(name, tuple(-size for size in sizes), sizes)
+
+
+def _parts(system: System, name: str) -> tuple[Label, ...]:
+    """Return the components of a signal; those of coordinates, velocities and forces by the coordinate's name."""
+    labels, coordinates = system.label(name, system[name].numel()), system.label("q", system["q"].numel())
+    alike = len(labels) == len(coordinates) and name.split("_")[-1] in ("q", "v", "tau")
+    return tuple(Label(c.name, part.unit) for c, part in zip(coordinates, labels, strict=True)) if alike else labels
+
+
+def _signals(table: Table, system: System) -> list[str]:
+    names, found = list(system.signals), []
+    angles = [f"{name}_deg" for name in names if any(is_angle(part.unit) for part in _parts(system, name))]
+    for key in table.entries:
+        if key not in names and key not in angles:
+            raise table.error(key, unknown("signal", key, names))
+        found.append(key if key in names else key.removesuffix("_deg"))
+    return list(dict.fromkeys(found))
+
+
+def _pose(table: Table, name: str, scene: Scene) -> tuple[Interval, ...]:
+    """Return what holds at the start, at the end or at a via point: a position, or signals by name."""
+    system, value = scene.system, table.entries.get(name)
+    parts = _parts(system, "q")
+    if isinstance(value, dict) and not any(key in spellings(parts) for key in value):
+        inner = table.inner(name, value)
+        if not value:
+            raise inner.error("", f"says nothing; expected {', '.join(map(str, parts))}, or signals by name")
+        return tuple(read_interval(inner, signal, system, magnitudes=False) for signal in _signals(inner, system))
+    values = table.column(name, parts)
+    return (Interval("q", values, values),)
+
+
+def _cost(table: Table, system: System) -> tuple[float, Weights, Weights]:
+    value = table.entries.get("minimise", "time")
+    if isinstance(value, str):
+        table.text("minimise", ["time"], "time")
+        return 1.0, {}, {}
+    inner = table.table("minimise")
+    inner.only(["time", "squares", "integral"])
+    if not inner.entries:
+        raise inner.error("", "says nothing; expected time, squares or integral")
+    found = {}
+    for kind in ("squares", "integral"):
+        weights = inner.table(kind)
+        for name in weights.entries:
+            if name not in system.signals:
+                raise weights.error(name, unknown("signal", name, list(system.signals)))
+        found[kind] = {
+            name: weights.column(name, [Label(part.name) for part in _parts(system, name)], 0.0)
+            for name in weights.entries
+        }
+    return inner.number("time", "", 0.0), found["squares"], found["integral"]
+
+
+def _horizons(table: Table, legs: int) -> tuple[Free | Fixed, ...]:
+    value = table.entries.get("horizon", {})
+    if isinstance(value, list):
+        if len(value) != legs:
+            raise table.error("horizon", f"got {len(value)} horizons, expected {legs}, one for each leg")
+        named = {f"horizon[{k}]": one for k, one in enumerate(value, 1)}
+        return tuple(_horizon(Table(table.file, table.lines, table.key, named), name) for name in named)
+    if legs > 1 and (not isinstance(value, dict) or set(value) - {"guess"}):
+        raise table.error("horizon", f"the motion has {legs} legs; list their horizons, [ {{ guess = ... }}, ... ]")
+    whole = _horizon(table, "horizon")
+    return (whole,) if legs == 1 else (Free(guess=whole.guess / legs),) * legs if isinstance(whole, Free) else ()
+
+
+def _horizon(table: Table, name: str) -> Free | Fixed:
+    value = table.entries.get(name, {})
+    if not isinstance(value, dict):
+        seconds = table.finite(name, value, "s")
+        if seconds <= 0.0:
+            raise table.error(name, f"got {seconds:g} s, expected a duration > 0")
+        return Fixed(seconds)
+    inner = table.inner(name, value)
+    inner.only(["guess", "lower", "upper"])
+    try:
+        return Free(**{key: inner.number(key, "s") for key in value})
+    except SceneError:
+        raise
+    except ValueError as error:
+        raise inner.error("", str(error).removeprefix("Free: ")) from None
+
+
+def _elements(table: Table) -> int:
+    value = table.entries.get("elements", 50)
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise table.error("elements", f"got {value!r}, expected a whole number >= 1")
+    return value
+
+
+def _obstacle(table: Table, system: System) -> Obstacle:
+    shape = REGIONS[table.text("shape", REGIONS)]
+    given = dataclasses.fields(shape)  # type: ignore[arg-type]
+    table.only(["shape", "keep", "point", *(field.name for field in given)])
+    values: dict[str, object] = {}
+    for field in given:
+        if field.name in table.entries:
+            value = table.entries[field.name]
+            several = field.type in ("Vector",)
+            if several and (not isinstance(value, list) or len(value) != 3):
+                raise table.error(field.name, "expected three numbers [x, y, z]")
+            values[field.name] = (
+                [table.finite(field.name, one, "m") for one in value] if isinstance(value, list)
+                else table.finite(field.name, value, "m")
+            )  # fmt: skip
+        elif field.default is dataclasses.MISSING:
+            raise table.error("", f"the key {field.name!r} is missing")
+    points = [name for name, signal in system.signals.items() if _is_place(system, name, signal)]
+    point = table.text("point", points, "tool")
+    keep = PLACES[table.text("keep", PLACES, "outside")]
+    try:
+        region = shape(**values)
+        keep(region, system[point])
+    except (ValueError, TypeError) as error:
+        raise table.error("", str(error)) from None
+    return Obstacle(region, keep, point)
+
+
+def _is_place(system: System, name: str, signal: ca.SX) -> bool:
+    return signal.numel() == 3 and name != "q" and all(part.unit == "m" for part in system.label(name, 3))

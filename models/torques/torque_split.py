@@ -1,0 +1,67 @@
+"""Drive torques of a motion, split into what causes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from models.machines.manipulator import Manipulator
+from models.mechanics.mechanics import Mechanics, assemble
+from models.mechanics.terms import Effect, Part
+from models.torques.torque_functions import clock, derivative, inertial, joint_torques, parameters
+
+
+def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
+    """Return the drive torques of a motion, split into parts that sum up to the inverse dynamics.
+
+    "inertia": g(q) a and "coriolis": Gamma(q)(v, v), Coriolis and centrifugal forces, of the machine itself; then one
+    part for each effect that acts on the joints, by its name ("gravity", "payload", "coulomb", "rotor_inertia", ...;
+    "viscous_2" for a second one). A load has its own inertia, Coriolis forces and weight; gravity has the weight of the
+    machine.
+
+    Args:
+        machine: from `cylindrical`, `spherical` or `torus`.
+        effects: such as [Gravity(), Payload(5.0)].
+
+    Returns:
+        Function (q, v, a, p) -> the named parts, (n,) each [N m or N along +q]; p as for `inverse_dynamics`, with a
+        fifth input t [s] if an effect is a function of time.
+
+    Raises:
+        TypeError, ValueError: as `inverse_dynamics`.
+
+    Source: P. Maisser, Modellgleichungen fuer Manipulatoren, (3.1), (4.1), (5.3).
+    """
+    mechanics = assemble(machine, effects)
+    a = derivative(machine, "a")
+    whole = joint_torques(mechanics, a)
+    own = machine.metric @ a
+    parts = {"inertia": own, "coriolis": inertial(machine.metric, machine.q, machine.v, a) - own}
+    for part in mechanics.parts:
+        share = _share(mechanics, part, a)
+        if share is not None:
+            parts[part.name] = share
+    inputs, names = [machine.q, machine.v, a, parameters(mechanics)], ["q", "v", "a", "p"]
+    if ca.depends_on(whole, clock(mechanics)):
+        inputs, names = [*inputs, clock(mechanics)], [*names, "t"]
+    outputs = ca.cse([ca.densify(part) for part in parts.values()])
+    return ca.Function("split_torques", inputs, outputs, names, list(parts))
+
+
+def _share(mechanics: Mechanics, part: Part, a: ca.SX) -> ca.SX | None:
+    """Return what an effect asks of the drives (n,), None if it does not act on the joints."""
+    q, v, terms = mechanics.machine.q, mechanics.machine.v, part.terms
+    field, potential = mechanics.terms.acceleration, terms.potential
+    if terms.acceleration is not None:
+        for body in mechanics.machine.bodies:
+            potential += body.mass * ca.dot(-terms.acceleration, body.centre)
+    if field is not None:
+        for body in terms.bodies:
+            potential += body.mass * ca.dot(-field, body.centre)
+    share = ca.gradient(potential, q) if ca.depends_on(potential, q) else ca.SX(*q.shape)
+    if terms.metric is not None:
+        share = share + inertial(terms.metric, q, v, a)
+    if terms.force is not None:
+        share = share - mechanics.resolved(terms.force)
+    return share if ca.sparsify(share).nnz() else None

@@ -1,0 +1,1 @@
+"""How wrong a solution is: error estimates, tolerances, grid refinement, independent verification."""

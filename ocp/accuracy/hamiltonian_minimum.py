@@ -1,0 +1,209 @@
+"""The Hamiltonian along a motion and its least value over the controls that the limits allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.problem.constraints import Where, simple
+from ocp.problem.problem import Problem
+from ocp.solution.solution import Solution
+
+Array = np.ndarray
+ROUNDS = 12  # of Newton's method, and of the minimisation of each of its quadratic models
+BARRIER_ROUNDS = 40
+TO_BOUNDARY = 0.99  # share of the way to the nearest limit that one step goes at most
+FLAT = 1e-12  # curvature below this share of slope over range is none
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """The Hamiltonian at places of a motion: with the control of the motion, and with the best one."""
+
+    value: Array  # (K,) H(x, u, lambda) [cost/s]
+    least: Array  # (K,) min over the allowed u
+    size: Array  # (K,) sum of the magnitudes of the terms of H
+    control: Array  # (K, nu) where the least value is taken
+
+
+def minimise(solution: Solution, problem: Problem, tau: Array) -> Minimum:
+    """Return H = lambda . f + running along the motion and its minimum over the controls, at places of every element.
+
+    Without limits on expressions of the controls: Newton's method on the box of the controls, each quadratic model
+    minimised coordinate by coordinate; exact in one round for H linear or diagonally quadratic in u. With them: a
+    primal-dual interior-point method, all places at once. A control without limits may go as far again as the motion
+    uses it.
+
+    Args:
+        solution: with costates.
+        problem: that it solves.
+        tau: (s,) places in [0, 1] of every element.
+
+    Source: Pontryagin et al., The Mathematical Theory of Optimal Processes; Nocedal, Wright, Numerical Optimization,
+        19.3.
+    """
+    system = problem.system
+    _, x, _, u = solution.samples(tau)
+    costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates).reshape(x.shape)
+    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    fixed = (x.T, np.tile(p[:, None], len(x)), costates.T)
+    low, high = _box(problem, solution)
+    value, size = (np.array(part)[0] for part in _sizes(problem, len(x))(u.T, *fixed))
+    limits = _mixed(problem)
+    if u.shape[1] == 0:
+        return Minimum(value, value, size, u)
+    model = _model(problem, limits, len(x))
+    if limits:
+        lower, upper = (
+            np.array([getattr(problem.subject_to[i], side)[c] for i, c in limits]) for side in ("lower", "upper")
+        )
+        best = _interior(model, fixed, u, low, high, lower, upper)
+    else:
+        best = _newton(model, fixed, u, low, high)
+    return Minimum(value, np.array(model(best.T, *fixed)[0])[0], size, best)
+
+
+def _mixed(problem: Problem) -> list[tuple[int, int]]:
+    """Return (constraint, component) of the limits along the motion on expressions of the controls."""
+    u = problem.system.u
+    return [
+        (i, c)
+        for i, constraint in enumerate(problem.subject_to)
+        if constraint.where is Where.ALONG
+        for c in range(constraint.expression.numel())
+        if ca.depends_on(constraint.expression[c], u) and c not in {one for _, one in simple(constraint, u)}
+    ]
+
+
+def _box(problem: Problem, solution: Solution) -> tuple[Array, Array]:
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    used = solution.controls.reshape(-1, len(low))
+    least, most = np.min(used, axis=0, initial=0.0), np.max(used, axis=0, initial=0.0)
+    reach = np.maximum(most - least, 1e-300)
+    return np.where(np.isfinite(low), low, least - reach), np.where(np.isfinite(high), high, most + reach)
+
+
+def _symbols(problem: Problem) -> tuple[ca.SX, list[ca.SX], ca.SX]:
+    system = problem.system
+    costate = ca.SX.sym("lambda", system.x.numel())
+    value = ca.dot(costate, system.rate) + problem.minimise.running
+    return value, [system.u, system.x, system.p, costate], costate
+
+
+def _sizes(problem: Problem, places: int) -> ca.Function:
+    value, arguments, costate = _symbols(problem)
+    terms = ca.dot(ca.fabs(costate), ca.fabs(problem.system.rate)) + ca.fabs(problem.minimise.running)
+    return ca.Function("sizes", arguments, [ca.densify(value), ca.densify(terms)]).map(places)
+
+
+def _model(problem: Problem, limits: list[tuple[int, int]], places: int) -> ca.Function:
+    """Return the function (u, x, p, lambda) -> H, its slope and curvature in u, the limits and theirs."""
+    value, arguments, _ = _symbols(problem)
+    u = problem.system.u
+    curvature, slope = ca.hessian(value, u)
+    held = ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in limits)) if limits else ca.SX(0, 1)
+    bends = [ca.vec(ca.densify(ca.hessian(held[k], u)[0])) for k in range(held.numel())]
+    outputs = [value, slope, ca.vec(ca.densify(curvature)), held, ca.vec(ca.densify(ca.jacobian(held, u).T))]
+    outputs.append(ca.horzcat(*bends) if bends else ca.SX(u.numel() ** 2, 0))
+    return ca.Function("model", arguments, ca.cse([ca.densify(o) for o in outputs])).map(places)
+
+
+def _newton(model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, high: Array) -> Array:
+    """Return the controls (K, nu) that minimise H on the box, from those of the motion."""
+    (count, nu), best = u.shape, np.clip(u, low, np.maximum(low, high))
+    value = np.array(model(best.T, *fixed)[0])[0]
+    for _ in range(ROUNDS):
+        _, slope, curvature, *_ = (np.array(part) for part in model(best.T, *fixed))
+        step = _on_box(slope.T, curvature.T.reshape(count, nu, nu), best, low, high) - best
+        moved = False
+        for shorter in (1.0, 0.25, 0.05):
+            trial = best + shorter * step
+            there = np.array(model(trial.T, *fixed)[0])[0]
+            better = there < value
+            best, value = np.where(better[:, None], trial, best), np.where(better, there, value)
+            step = np.where(better[:, None], 0.0, step)
+            moved = moved or bool(better.any())
+        if not moved:
+            break
+    return np.asarray(best)
+
+
+def _on_box(slope: Array, curvature: Array, u: Array, low: Array, high: Array) -> Array:
+    """Return the minimum of quadratic models on the box, coordinate by coordinate; flat ones go to an end."""
+    best, slope = u.copy(), slope.copy()
+    nu = u.shape[1]
+    for _ in range(1 if nu == 1 else ROUNDS):
+        for i in range(nu):
+            bend = curvature[:, i, i]
+            curved = bend * (high[i] - low[i]) > FLAT * np.abs(slope[:, i])
+            far = np.where(slope[:, i] > 0.0, low[i], np.where(slope[:, i] < 0.0, high[i], best[:, i]))
+            to = np.where(curved, np.clip(best[:, i] - slope[:, i] / np.where(curved, bend, 1.0), low[i], high[i]), far)
+            slope += curvature[:, :, i] * (to - best[:, i])[:, None]
+            best[:, i] = to
+    return best
+
+
+def solved(matrices: Array, right: Array) -> Array:
+    """Return the solutions (K, n) of stacks of linear systems, of least size where one of them is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        usable = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(right), axis=1)
+        found = np.zeros_like(right)
+        found[usable] = np.einsum("kij,kj->ki", np.linalg.pinv(matrices[usable]), right[usable])
+        return found
+
+
+def _interior(
+    model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, high: Array, lower: Array, upper: Array
+) -> Array:
+    """Return the controls (K, nu) that minimise H within the box and the limits lower <= g(x, u) <= upper."""
+    count, nu = u.shape
+    below, above = np.isfinite(lower), np.isfinite(upper)
+    reach = np.maximum(high - low, 1e-300)
+    eye = np.eye(nu)
+
+    def limits(g: Array, v: Array) -> Array:  # all <= 0
+        return np.hstack([(v - high) / reach, (low - v) / reach, (g - upper)[:, above], (lower - g)[:, below]])
+
+    v = np.clip(u, low + 0.05 * reach, high - 0.05 * reach)
+    evaluated = [np.array(part) for part in model(v.T, *fixed)]
+    size = np.maximum(np.max(np.abs(evaluated[1].T * reach), axis=1), 1e-300)  # of H, place by place
+    c = limits(evaluated[3].T, v)
+    s, z = np.maximum(-c, 0.1), np.ones(c.shape)
+    for _ in range(BARRIER_ROUNDS):
+        _, slope, bend, g, jacobian, bends = (np.array(part) for part in model(v.T, *fixed))
+        m = len(lower)
+        a = jacobian.reshape(nu, m, count, order="F").transpose(2, 1, 0)
+        rows = [np.tile(eye / reach, (count, 1, 1)), np.tile(-eye / reach, (count, 1, 1)), a[:, above], -a[:, below]]
+        A = np.concatenate(rows, axis=1)
+        weight = np.zeros((count, m))
+        weight[:, above] += z[:, 2 * nu : 2 * nu + above.sum()]
+        weight[:, below] -= z[:, 2 * nu + above.sum() :]
+        H = bend.T.reshape(count, nu, nu) / size[:, None, None]
+        H = H + np.einsum(
+            "kc,kcij->kij", weight, bends.reshape(nu * nu, count, m).transpose(1, 2, 0).reshape(count, m, nu, nu)
+        )
+        c = limits(g.T, v)
+        gap = np.mean(s * z, axis=1)
+        target = np.maximum(0.1 * gap, 1e-16)[:, None]
+        dual, primal = slope.T / size[:, None] + np.einsum("kci,kc->ki", A, z), c + s
+        K = H + np.einsum("kci,kc,kcj->kij", A, z / s, A) + 1e-14 * np.diag(1.0 / reach**2)
+        right = -(dual + np.einsum("kci,kc->ki", A, (target + z * primal) / s - z))
+        step = solved(K, right)
+        ds = -primal - np.einsum("kci,ki->kc", A, step)
+        dz = (target - z * ds) / s - z
+        alpha = np.minimum(_room(s, ds), _room(z, dz))[:, None]
+        v, s, z = v + alpha * step, s + alpha * ds, z + alpha * dz
+        if np.all(gap < 1e-15):
+            break
+    return np.asarray(v)
+
+
+def _room(values: Array, steps: Array) -> Array:
+    """Return the longest share (K,) of steps that keeps values positive."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        longest = np.where(steps < 0.0, -TO_BOUNDARY * values / steps, np.inf)
+    return np.asarray(np.minimum(1.0, np.min(longest, axis=1)))

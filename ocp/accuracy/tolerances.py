@@ -1,0 +1,170 @@
+"""Tolerances in the user's own terms: cost, share of the cost, seconds of the duration, a signal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.accuracy.error_estimate import Errors
+from ocp.solution.solution import Solution
+
+Array = np.ndarray
+
+
+class Tolerance(Protocol):
+    """What a solution may be wrong by."""
+
+    @property
+    def tol(self) -> float:
+        """The amount, in `unit`."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Of the amount."""
+        ...
+
+    @property
+    def what(self) -> str:
+        """What is measured, in words."""
+        ...
+
+    def error(self, solution: Solution, errors: Errors) -> float:
+        """Return the estimated error in `unit`."""
+        ...
+
+    def parts(self, solution: Solution, errors: Errors) -> Array:
+        """Return what every element adds to the error (N,), in `unit`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The cost, in its own unit; seconds for minimum time."""
+
+    tol: float
+    unit: str = "(unit of the cost)"
+    what: str = "optimal cost"
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+    def error(self, solution: Solution, errors: Errors) -> float:
+        """Return the error of the cost."""
+        _check(solution, errors)
+        return errors.cost
+
+    def parts(self, solution: Solution, errors: Errors) -> Array:
+        """Return what every element adds to it (N,)."""
+        _check(solution, errors)
+        return errors.elements
+
+
+@dataclass(frozen=True)
+class Share:
+    """The cost, as a share of it."""
+
+    tol: float
+    unit: str = "share"
+    what: str = "optimal cost"
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+    def error(self, solution: Solution, errors: Errors) -> float:
+        """Return the error as a share of the cost."""
+        _check(solution, errors)
+        return errors.cost / max(abs(solution.cost), 1e-300)
+
+    def parts(self, solution: Solution, errors: Errors) -> Array:
+        """Return what every element adds to it (N,)."""
+        _check(solution, errors)
+        return np.asarray(errors.elements / max(abs(solution.cost), 1e-300))
+
+
+@dataclass(frozen=True)
+class Seconds:
+    """The optimal duration [s]."""
+
+    tol: float
+    unit: str = "s"
+    what: str = "optimal duration"
+
+    def __post_init__(self) -> None:
+        _positive(self)
+
+    def error(self, solution: Solution, errors: Errors) -> float:
+        """Return the error of the duration [s]."""
+        _check(solution, errors)
+        return errors.duration
+
+    def parts(self, solution: Solution, errors: Errors) -> Array:
+        """Return what every element adds to it (N,)."""
+        _check(solution, errors)
+        return np.asarray(errors.elements * (errors.duration / max(errors.cost, 1e-300)))
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal of states: where the motion claims to be against where its controls bring it.
+
+    Args:
+        name: of a signal that depends on states only, such as "q"; its largest component counts.
+        tol: in the unit of the signal.
+        unit: what to call it.
+    """
+
+    name: str
+    tol: float
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        checks.text("Signal: name", self.name, "the name of a signal of states")
+        _positive(self)
+
+    @property
+    def what(self) -> str:
+        """What is measured."""
+        return f"{self.name} along the motion"
+
+    def error(self, solution: Solution, errors: Errors) -> float:
+        """Return the largest distance of the signal at ends of elements."""
+        _check(solution, errors)
+        if not np.isfinite(errors.cost):
+            return float("inf")
+        return float(np.max(np.abs(self._of(solution, errors.drift[1:]))))
+
+    def parts(self, solution: Solution, errors: Errors) -> Array:
+        """Return the local errors of the elements (N,)."""
+        _check(solution, errors)
+        return np.asarray(np.max(np.abs(self._of(solution, errors.local)), axis=1))
+
+    def _of(self, solution: Solution, apart: Array) -> Array:
+        problem = solution.problem
+        if problem is None:
+            raise ValueError("Signal: this solution was loaded without its model; use load(path, problem=...)")
+        system = problem.system
+        expression = ca.vec(system[self.name] if self.name != "x" else system.x)
+        if ca.depends_on(expression, system.u):
+            raise ValueError(f"Signal: {self.name!r} depends on the controls; name a signal of states")
+        slope = ca.densify(ca.jacobian(expression, system.x))
+        function = ca.Function("slope", [system.x, system.p], [slope]).map(len(apart))
+        p = np.array([solution.values[name] for name in system.nominal])[:, None]
+        slopes = np.array(function(solution.states[:, -1].T, np.tile(p, len(apart))))
+        return np.asarray(np.einsum("akb,kb->ka", slopes.reshape(expression.numel(), len(apart), -1), apart))
+
+
+def _positive(tolerance: Tolerance) -> None:
+    called = type(tolerance).__name__
+    checks.number(f"{called}: tol", tolerance.tol, "a number > 0", above=0.0)
+    checks.text(f"{called}: unit", tolerance.unit)
+    checks.text(f"{called}: what", tolerance.what)
+
+
+def _check(solution: Solution, errors: Errors) -> None:
+    checks.instance("solution", solution, Solution, "a Solution")
+    checks.instance("errors", errors, Errors, "its Errors, as estimate(solution) returns them")

@@ -1,0 +1,129 @@
+"""A motion made of arcs: the problem that its structures share, and the motion as found for one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ocp.arcs.arcs import Arc, Kind
+from ocp.arcs.state_limit_multipliers import Jump, Pressure
+from ocp.problem.problem import Problem
+from ocp.problem.state_constraints import StateLimit, state_limits
+from ocp.solution.solution import Solution
+from ocp.solving.ipopt import Answer
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ArcProblem:
+    """A problem to be solved for given structures.
+
+    Args:
+        problem: a Problem.
+        limits: of its states.
+        scheme: with collocated control.
+        numbers: values of the parameters.
+        levels: function (x, u, p) -> limited expressions.
+        singular: numbers of the controls that the Hamiltonian is linear in: between limits they are singular.
+    """
+
+    problem: Problem
+    limits: tuple[StateLimit, ...]
+    scheme: Scheme
+    numbers: tuple[float, ...]
+    levels: ca.Function
+    singular: frozenset[int]
+
+    def loose(self, arcs: tuple[Arc, ...]) -> bool:
+        """Return whether a structure has singular arcs."""
+        return any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in self.singular)
+
+    def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProblem:
+        """Return it for other parameter values and a problem that differs in numbers only."""
+        sides = [(problem.subject_to[limit.constraint], limit.component) for limit in self.limits]
+        limits = tuple(
+            replace(limit, lower=float(constraint.lower[c]), upper=float(constraint.upper[c]))
+            for limit, (constraint, c) in zip(self.limits, sides, strict=True)
+        )
+        return replace(self, problem=problem, limits=limits, numbers=numbers)
+
+
+def arc_problem(problem: Problem, scheme: Scheme, values: Mapping[str, float]) -> ArcProblem:
+    """Return a problem as one to be solved for given structures.
+
+    Args:
+        problem: a Problem.
+        scheme: with collocated control.
+        values: of the parameters, by name.
+    """
+    system, limits = problem.system, state_limits(problem)
+    expressions = ca.vertcat(ca.SX(0, 1), *(limit.chain[0] for limit in limits))
+    levels = ca.Function("limits", [system.x, system.u, system.p], [ca.densify(expressions)])
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
+    curvature = ca.hessian(hamiltonian, system.u)[0]
+    singular = frozenset(i for i in range(system.u.numel()) if ca.SX(curvature[i, i]).is_zero())
+    return ArcProblem(problem, limits, scheme, tuple(system.values(values)), levels, singular)
+
+
+@dataclass(frozen=True, eq=False)
+class ArcMotion:
+    """A solved motion of given structure.
+
+    Args:
+        arcs: with the durations found.
+        answer: of the solver.
+        grid: of the whole motion.
+        arc: (N,) number of the arc of each element.
+        states, controls, costates: (N, m, nx), (N, d, nu), (N, d, nx); costates of the problem with its state limits
+            adjoined directly, lambda = dJ/dx.
+        pressures: multipliers of the limits that are held.
+        jumps: at entries, exits and touches.
+        free: numbers of the parameters that were unknowns.
+        parameters: (np,) values of all parameters.
+        setup: seconds.
+        price: of the distance of undetermined controls from those of the guess, part of the answer's cost.
+    """
+
+    arcs: tuple[Arc, ...]
+    answer: Answer
+    grid: Grid
+    arc: Array
+    states: Array
+    controls: Array
+    costates: Array
+    pressures: tuple[Pressure, ...]
+    jumps: tuple[Jump, ...]
+    free: Array
+    parameters: Array
+    setup: float
+    price: float
+
+    @property
+    def duration(self) -> float:
+        """Sum of the durations [s]."""
+        return sum(arc.duration for arc in self.arcs)
+
+    def solution(self, task: ArcProblem, like: Solution) -> Solution:
+        """Return the motion as a Solution, without structure; message and seconds are those of another one.
+
+        Args:
+            task: that it solves.
+            like: where the rest is taken from.
+        """
+        values = dict(zip(task.problem.system.nominal, self.parameters.tolist(), strict=True))
+        names = list(values)
+        return replace(
+            like, status=self.answer.status, solver_status=self.answer.verbatim, duration=self.duration,
+            cost=self.answer.cost - self.price, states=self.states, controls=self.controls,
+            slopes=np.zeros((len(self.grid), 0, self.states.shape[2])), costates=self.costates,
+            free={names[number]: values[names[number]] for number in self.free}, values=values, grid=self.grid,
+            scheme=task.scheme, problem=task.problem, log=self.answer.log, multipliers=None, accuracy=None,
+            structure=None,
+        )  # fmt: skip

@@ -1,0 +1,191 @@
+"""Necessary conditions of a motion of given structure: what is wrong, where, and how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ocp.arcs.arc_problems import ArcMotion, ArcProblem
+from ocp.arcs.arcs import Contact, Kind
+from ocp.arcs.state_limit_multipliers import Jump
+from ocp.arcs.switching import switching_functions
+from ocp.numerics.evaluation import mapped
+from ocp.problem.constraints import Where
+from ocp.transcription.schemes.scheme import Scheme
+
+Array = np.ndarray
+GAP = 1e-7  # share of the cost that wrong controls may leave
+EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
+BETWEEN = 16  # places on each element at which state limits are checked
+ROUNDING = 1e-9  # share of the range of a state limit that is no violation
+RELEASED = 1e-4  # share of the cost per range of a limit, below zero, at which holding it counts as wrong
+SIGNIFICANT = 1e-6  # share of the Hamiltonian below which a switching function is zero
+LEAST = 1e-12  # share of the cost that an interval with a wrong sign costs, below which it is rounding
+
+
+@dataclass(frozen=True)
+class WrongSign:
+    """A control that is not where its switching function wants it."""
+
+    control: int
+    start: float  # [s]
+    end: float  # [s]
+    gain: float  # cost that a change would save, to first order
+    wanted: Kind
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A state limit exceeded where the structure does not expect it."""
+
+    contact: Contact
+    start: float  # [s]
+    end: float  # [s]
+    worst: float  # time of the largest excess [s]
+    share: float  # largest excess, share of the range
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is left of the necessary conditions; an optimal motion of the right structure has none of it.
+
+    Args:
+        gap: cost that better controls would save to first order, share of the cost.
+        signs: intervals with a control on the wrong side, the worst first.
+        crossings: state limits exceeded.
+        jumps: of costates with the wrong sign.
+        released: contacts held with a multiplier of the wrong sign, by arc.
+    """
+
+    gap: float
+    signs: tuple[WrongSign, ...]
+    crossings: tuple[Crossing, ...]
+    jumps: tuple[Jump, ...]
+    released: tuple[tuple[int, Contact], ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether what is left is rounding."""
+        exceeded = any(crossing.share > EXCESS for crossing in self.crossings)
+        return self.gap <= GAP and not (exceeded or self.jumps or self.released)
+
+
+def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
+    """Check the necessary conditions of a motion of given structure.
+
+    Args:
+        task: that it solves.
+        motion: as solved.
+
+    Source: Hartl, Sethi, Vickson, A survey of the maximum principles for optimal control problems with state
+        constraints, SIAM Review 37, 1995 (direct adjoining).
+    """
+    limits, scheme = task.limits, task.scheme
+    gap, signs = _signs(task, motion)
+    cost = max(abs(motion.answer.cost), 1e-300)
+    sizes = [limit.range / cost for limit in limits]
+    # At an upper limit multipliers and jumps are positive, at a lower one negative. Those of a hold are derivatives of
+    # its multiplier and noisy on a short arc; those of a touch are multipliers of the programme.
+    jumps = tuple(
+        j
+        for j in motion.jumps
+        if j.size * j.contact.side * sizes[j.contact.limit] < -(SIGNIFICANT if j.contact.control < 0 else RELEASED)
+    )
+    # The multiplier is a high derivative and noisy on a short arc; its integral is not.
+    pushes = [float(np.sum(p.values * p.contact.side * _seconds(motion, p.arc, scheme))) for p in motion.pressures]
+    released = tuple(
+        (p.arc, p.contact)
+        for p, push in zip(motion.pressures, pushes, strict=True)
+        if push * sizes[p.contact.limit] < -RELEASED
+    )
+    return Certificate(gap, signs, _crossings(task, motion), jumps, released)
+
+
+def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
+    """Return the quadrature weights (e, d) of the points of an arc [s]."""
+    return np.asarray(motion.duration * motion.grid.widths[motion.arc == arc][:, None] * scheme.weights)
+
+
+def complaint(task: ArcProblem, certificate: Certificate) -> str:
+    """Return in words what a certificate finds wrong.
+
+    Args:
+        task: that the motion solves.
+        certificate: of it.
+    """
+    limits, system = task.limits, task.problem.system
+    if certificate.crossings and certificate.crossings[0].share > EXCESS:
+        worst = certificate.crossings[0]
+        label = limits[worst.contact.limit].label
+        return f"{label.name} exceeds its limit by {worst.share:.1e} of its range at {worst.worst:.6g} s"
+    if certificate.jumps or certificate.released:
+        contact = certificate.jumps[0].contact if certificate.jumps else certificate.released[0][1]
+        return f"the multiplier of the limit of {limits[contact.limit].label.name} has the wrong sign"
+    words = f"the switching functions leave a gain of {certificate.gap:.1e} of the cost"
+    if certificate.signs:
+        worst_sign = certificate.signs[0]
+        name = system.label("u", system.u.numel())[worst_sign.control].name
+        words += f", most of it by {name} from {worst_sign.start:.6g} to {worst_sign.end:.6g} s"
+    return words
+
+
+def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign, ...]]:
+    """Return the gap and the intervals with a wrong sign, worst first."""
+    problem, scheme = task.problem, task.scheme
+    tau = np.concatenate([[0.0], scheme.points[(scheme.points > 0.0) & (scheme.points < 1.0)], [1.0]])
+    n, s = len(motion.grid), len(tau)
+    x = np.einsum("sm,kma->ksa", scheme.state_at(tau)[:, : len(scheme.nodes)], motion.states).reshape(n * s, -1)
+    u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
+    costates = np.einsum("sm,kma->ksa", scheme.costate_at(tau), motion.costates).reshape(n * s, -1)
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    found = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
+    gains = np.where(np.abs(found.shares) > SIGNIFICANT, found.gains, 0.0)
+    seconds = motion.duration * motion.grid.widths
+    t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
+    # A trapezoid on the places of every element is enough for a quantity that should vanish.
+    weight = np.zeros(s)
+    weight[:-1] += np.diff(tau) / 2.0
+    weight[1:] += np.diff(tau) / 2.0
+    weights = (seconds[:, None] * weight).ravel()
+    kinds = np.array([[a.kinds[i].value for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
+    wrong: list[WrongSign] = []
+    cost = max(abs(motion.answer.cost), 1e-300)
+    for i in range(u.shape[1]):
+        for kind, wanted in ((Kind.LOWER, Kind.UPPER), (Kind.UPPER, Kind.LOWER)):
+            bad = (gains[:, i] > 0.0) & (kinds[:, i] == kind.value)
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+            for a, b in zip(edges[::2], edges[1::2], strict=True):
+                gain = float(weights[a:b] @ gains[a:b, i])
+                if gain > LEAST * cost:
+                    wrong.append(WrongSign(i, float(t[a]), float(t[b - 1]), gain, wanted))
+    total = float(weights @ gains.sum(axis=1)) / cost
+    return total, tuple(sorted(wrong, key=lambda w: -w.gain))
+
+
+def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
+    """Return where limits are exceeded between nodes."""
+    limits, scheme = task.limits, task.scheme
+    if not limits:
+        return ()
+    tau = np.linspace(0.0, 1.0, BETWEEN + 1)
+    n, s = len(motion.grid), len(tau)
+    x = np.einsum("sm,kma->ksa", scheme.state_at(tau)[:, : len(scheme.nodes)], motion.states).reshape(n * s, -1)
+    u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
+    t = (motion.duration * (motion.grid.ends[:-1, None] + motion.grid.widths[:, None] * tau)).ravel()
+    values = np.array(mapped(task.levels, len(t))(x.T, u.T, np.tile(motion.parameters[:, None], len(t))))
+    found: list[Crossing] = []
+    for number, limit in enumerate(limits):
+        for side in (-1, 1):
+            if not np.isfinite(limit.at(side)):
+                continue
+            share = side * (values[number] - limit.at(side)) / limit.range
+            bad = share > ROUNDING
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
+            for a, b in zip(edges[::2], edges[1::2], strict=True):
+                worst = a + int(np.argmax(share[a:b]))
+                crossing = Crossing(
+                    Contact(number, side), float(t[a]), float(t[b - 1]), float(t[worst]), float(share[worst])
+                )
+                found.append(crossing)
+    return tuple(sorted(found, key=lambda c: -c.share))

@@ -1,0 +1,265 @@
+"""Polish a solution: switching times as unknowns, so that no switch lies inside an element."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.arcs.arc_nlp import ArcProgramme, prepare_arcs
+from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
+from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
+from ocp.arcs.detection import contacts, read
+from ocp.arcs.optimality_check import Certificate, certify, complaint
+from ocp.arcs.revision import revise, swapped, without_shortest_hold, without_vanished
+from ocp.arcs.switching import switching_functions
+from ocp.problem.problem import Problem
+from ocp.problem.state_constraints import StateLimit
+from ocp.solution.attached_problem import with_model
+from ocp.solution.solution import Solution, Status, Timings
+from ocp.solving.diagnosis import between_points
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.solver import solve
+from ocp.solving.starts import from_solution
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Control, Scheme, legendre
+
+Array = np.ndarray
+SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
+DOUBLINGS = 3  # of the elements, until the residual is small enough
+RESIDUAL = 5e-7  # local error of the dynamics on an element, share of the range of a state, that is small enough
+REVISIONS = 16  # structures tried for one reading
+FAILURES = 2  # structures that lead nowhere, tried for one reading
+PUSHED = 1e-4  # of scaled unknowns, by limits that are near
+READINGS = 3  # the second and third after refining the grid where the structure is in doubt
+# No further structure is tried after that much work, 5 times that of the given solve and so much more. Work is counted
+# in iterations at one collocation point, not in seconds, so that a busy machine finds the same.
+PATIENCE = 5.0, 25000
+WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
+PROXIMAL, PRICE = 8, 1e-11  # steps until their price is this share of the cost
+
+
+@dataclass(frozen=True, eq=False)
+class _Try:
+    """What came of one reading."""
+
+    motion: ArcMotion | None
+    certificate: Certificate | None
+    reason: str
+    iterations: int
+    work: float
+
+
+def polish(
+    solution: Solution, problem: Problem | None = None, scheme: Scheme | None = None, solver: Ipopt | None = None
+) -> Solution:
+    """Solve again with the durations of the arcs as unknowns, controls at their limits pinned.
+
+    The arcs (each control at its lower or upper limit, interior, or holding a state limit) are read from controls,
+    switching functions and state limits. On an arc where a limit c <= c_max of order r holds, c^(r) = 0 determines its
+    control, with c = c_max, c' = ... = 0 at the entry; a touch has c = c_max, c' = 0 at one instant. Then arcs that
+    vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded,
+    and arcs inserted where a switching function has the wrong sign, until nothing is wrong. Where the structure is in
+    doubt, the grid is refined there and read again.
+    Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
+    the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
+
+    Interior arcs of controls that enter the Hamiltonian linearly are singular: a price on the distance from the last
+    iterate keeps them from chattering and is iterated away (proximal point); what is left of it is in the message.
+
+    Args:
+        solution: solved, of a Problem.
+        problem: needed only for a solution loaded without it.
+        scheme: with collocated control, default legendre(6, control=Control.COLLOCATED).
+        solver: settings of IPOPT.
+
+    Returns:
+        The polished solution with its `structure`; or the given one with structure None and the reason in its message:
+        the polished one counts only if it is solved, confirms or improves the cost, and meets the sign conditions.
+        `timings` are those of polishing alone: derivatives and solver of its last solve, set-up for all before it.
+
+    Raises:
+        TypeError: no Solution, or a scheme whose control is not collocated.
+        ValueError: a solution loaded without its problem.
+
+    Source: Kaya, Noakes, Computational method for time-optimal switching control, J. Optim. Theory Appl. 117, 2003;
+        Hartl, Sethi, Vickson, SIAM Review 37, 1995; Rockafellar, Monotone operators and the proximal point algorithm,
+        SIAM J. Control Optim. 14, 1976.
+    """
+    begun = time.perf_counter()
+    problem = with_model("polish", solution, problem)
+    checks.instance("polish: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
+    scheme = legendre(6, Control.COLLOCATED) if scheme is None else scheme
+    if not isinstance(scheme, Scheme) or scheme.control is not Control.COLLOCATED:
+        told = checks.shown(scheme)
+        raise TypeError(f"polish: scheme is {told}, expected one with control=Control.COLLOCATED")
+    if scheme.slope_at_start:
+        raise TypeError(f"polish: scheme is {scheme!r}, expected radau or legendre")
+    settings = SETTINGS if solver is None else solver
+    if not solution.ok:
+        return _unpolished(solution, "it is not a solved one")
+    if solution.duration <= 0.0:
+        return _unpolished(solution, "it has no duration")
+    task = arc_problem(problem, scheme, solution.values)
+    limits = task.limits
+    together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
+    for hold in contacts(problem, solution, limits)[0] if together else []:
+        if limits[hold.contact.limit] in together:
+            name = limits[hold.contact.limit].label.name
+            return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
+    allowed = solution.cost + _doubt(problem, solution)
+    coarse, reason, iterations = solution, "", 0
+    left = PATIENCE[0] * _work(solution) + PATIENCE[1]
+    for reading in range(READINGS):
+        tried = _settle(task, coarse, settings, left)
+        iterations, left = iterations + tried.iterations, left - tried.work
+        reason = reason or tried.reason
+        if tried.motion is not None and tried.certificate is not None:
+            if tried.motion.answer.cost - tried.motion.price <= allowed:
+                spent = iterations, time.perf_counter() - begun
+                found = _polished(task, solution, tried, spent)
+                loose = between_points(found)
+                if not loose:
+                    return found
+                reason = loose[0]
+            else:
+                cost = tried.motion.answer.cost
+                reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
+        if reading + 1 == READINGS or left <= 0.0:
+            break
+        finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
+                      solution.values)  # fmt: skip
+        iterations, left = iterations + finer.iterations, left - _work(finer)
+        if not finer.ok:
+            break
+        coarse = finer
+    return _unpolished(solution, reason)
+
+
+def _work(solution: Solution) -> float:
+    return float(solution.iterations * len(solution.grid) * solution.scheme.degree)
+
+
+def _couples(problem: Problem, limit: StateLimit) -> bool:
+    """Return whether a limit depends on more than one control."""
+    return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
+
+
+def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Try:
+    """Read a structure, solve it and revise it until nothing is wrong."""
+    arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
+    seen: set[tuple[object, ...]] = set()
+    solves = iterations = work = level = steps = failures = 0
+    settled: _Try | None = None
+    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
+        elements = elements_of(arcs, level)
+        loose = task.loose(arcs)
+        weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
+        begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
+        programme = prepare_arcs(task, arcs, elements, guess, begin, weight)
+        motion = programme.solve(programme.start(guess, durations(arcs)))
+        solves, iterations = solves + 1, iterations + motion.answer.iterations
+        work += motion.answer.iterations * sum(elements) * task.scheme.degree
+        seen.add(key_of(arcs))
+        if motion.answer.status is not Status.SOLVED:
+            if settled is not None:
+                return replace(settled, iterations=iterations, work=work)  # only its residual could have been smaller
+            failures += 1
+            others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
+            other = next((o for o in others if key_of(o) not in seen), None)
+            if other is not None and failures <= FAILURES:
+                arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
+                continue
+            words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
+            return _Try(None, None, words, iterations, work)
+        certificate = certify(task, motion)
+        solution, sound = motion.solution(task, coarse), certificate.sound
+        revised = revise(motion, certificate, task.limits)
+        if (not sound or len(revised) < len(motion.arcs)) and key_of(revised) not in seen:
+            arcs, guess, steps = revised, from_solution(solution), 0
+            continue
+        regularised = motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL
+        if not sound and regularised and not (certificate.signs or certificate.crossings or certificate.jumps):
+            # What is wrong is inside singular arcs, and the price on them does that.
+            arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
+            continue
+        if not sound and level >= 1:
+            return _Try(None, None, complaint(task, certificate), iterations, work)
+        settled = _Try(motion, certificate, "", iterations, work) if sound else None
+        if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
+            arcs, guess, level = motion.arcs, from_solution(solution), level + 1
+            continue
+        if regularised:
+            arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
+            continue
+        return _Try(*_finished(programme, motion, certificate), "", iterations, work)
+    return _Try(None, None, "the structure does not settle", iterations, work)
+
+
+def _finished(programme: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+    """Return a motion solved once more as equations, if it is one: limits that it only comes near push it a little."""
+    task, bare = programme.task, programme.unlimited()
+    if bare.equations is None or task.loose(motion.arcs):
+        return motion, certificate
+    better = bare.solve(motion.answer.z)
+    before, after = motion.answer, better.answer
+    moved = np.max(np.abs(after.z - before.z))
+    if after.status is not Status.SOLVED or moved > PUSHED or without_vanished(better.arcs) != better.arcs:
+        return motion, certificate
+    again = certify(task, better)
+    inside, seconds = before.derivatives + after.derivatives, before.seconds + after.seconds
+    answer = replace(
+        before, z=after.z, multipliers=after.multipliers, limits=after.limits, cost=after.cost, derivatives=inside,
+        seconds=seconds,
+    )  # fmt: skip
+    return (replace(better, answer=answer), again) if again.sound else (motion, certificate)
+
+
+def _doubt(problem: Problem, solution: Solution) -> float:
+    """Return by how much the cost of a solution may be too low, to first order."""
+    _, x, _, u = solution.samples(solution.scheme.points)
+    costates = solution.costates.reshape(len(x), -1)
+    found = switching_functions(problem, x, u, costates, list(solution.values.values()))
+    weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
+    return float(weights @ found.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
+
+
+def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> Grid:
+    """Return the grid with elements in four where a control is between its limits or a state limit begins or ends."""
+    holds, touches = contacts(problem, solution, limits)
+    doubtful = {t for t, _ in touches} | {t for hold in holds for t in (hold.start, hold.end)}
+    starts = np.cumsum([arc.duration for arc in read(problem, solution, limits)])[:-1]
+    ends = solution.grid.ends
+    split = np.zeros(len(solution.grid), dtype=bool)
+    for t in (*doubtful, *starts.tolist()):
+        k = int(solution.grid.locate(np.array([t / solution.duration]))[0])
+        split[max(k - 1, 0) : k + 2] = True
+    marks = [np.linspace(a, b, 5 if cut else 2)[:-1] for a, b, cut in zip(ends[:-1], ends[1:], split, strict=True)]
+    return Grid(np.append(np.concatenate(marks), 1.0))
+
+
+def _polished(task: ArcProblem, given: Solution, tried: _Try, spent: tuple[int, float]) -> Solution:
+    motion, certificate = tried.motion, tried.certificate
+    assert motion is not None
+    assert certificate is not None
+    iterations, seconds = spent
+    found = motion.solution(task, given)
+    words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
+    residual = float(np.max(found.error))
+    if residual > RESIDUAL:
+        words += f", local error of the dynamics {residual:.1e}"
+    if motion.price > 0.0:
+        words += f", singular arcs regularised at a price of {motion.price / abs(found.cost):.1e} of the cost"
+    inside = motion.answer.derivatives
+    timings = Timings(seconds - motion.answer.seconds, inside, motion.answer.seconds - inside, seconds)
+    return replace(
+        found, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings, rung="polish",
+        structure=tabulate(task.problem, task.limits, motion.arcs),
+    )  # fmt: skip
+
+
+def _unpolished(solution: Solution, reason: str) -> Solution:
+    return replace(solution, structure=None, message=f"{solution.message}; not polished: {reason}")

@@ -1,0 +1,171 @@
+"""Revision of a switching structure by what its certificate finds wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ocp.arcs.arc_problems import ArcMotion
+from ocp.arcs.arcs import Arc, Contact, Kind, merged
+from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
+from ocp.problem.state_constraints import StateLimit
+
+VANISHED = 1e-7  # share of the whole duration below which an arc is dropped
+WHOLE = 0.9  # share of a spell with the wrong sign above which the spell changes its kind
+
+
+def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs without those that have shrunk to nothing; what began with them begins with the next."""
+    total = sum(arc.duration for arc in arcs)
+    kept: list[Arc] = []
+    pending: tuple[Contact, ...] = ()
+    for arc in arcs:
+        touched = tuple(dict.fromkeys((*pending, *arc.touched)))
+        if arc.duration <= VANISHED * total:
+            # A limit held for no time is touched, if the arc before did not hold it.
+            held = {(c.limit, c.side) for c in kept[-1].held} if kept else set()
+            fresh = tuple(Contact(c.limit, c.side) for c in arc.held if (c.limit, c.side) not in held)
+            pending = tuple(dict.fromkeys((*touched, *fresh)))
+            continue
+        now = {(c.limit, c.side) for c in arc.held}
+        kept.append(replace(arc, touched=tuple(c for c in touched if (c.limit, c.side) not in now)))
+        pending = ()
+    return merged(tuple(kept)) if kept else arcs
+
+
+def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which two switches of different controls, between which the arc has vanished, change places."""
+    total = sum(arc.duration for arc in arcs)
+    changed = list(arcs)
+    for k in range(1, len(arcs) - 1):
+        before, arc, after = changed[k - 1], changed[k], changed[k + 1]
+        first = {i for i, kind in enumerate(arc.kinds) if kind is not before.kinds[i]}
+        second = {i for i, kind in enumerate(arc.kinds) if kind is not after.kinds[i]}
+        if arc.duration > VANISHED * total or not first or not second or first & second:
+            continue
+        if arc.touched or after.touched:
+            continue
+        kinds = tuple(after.kinds[i] if i in second else kind for i, kind in enumerate(before.kinds))
+        holding = {i for i, kind in enumerate(kinds) if kind is Kind.HOLDING}
+        held = tuple(c for c in dict.fromkeys((*before.held, *after.held)) if c.control in holding)
+        changed[k] = Arc(kinds, arc.duration, held)
+    return tuple(changed)
+
+
+def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> tuple[Arc, ...]:
+    """Return arcs without contacts whose multiplier or jump says that the motion would rather leave the limit."""
+    changed = list(arcs)
+    for jump in certificate.jumps:
+        if jump.arc < len(changed):
+            arc = changed[jump.arc]
+            changed[jump.arc] = replace(arc, touched=tuple(c for c in arc.touched if c != jump.contact))
+    for k, contact in certificate.released:
+        arc = changed[k]
+        kinds = tuple(Kind.INTERIOR if i == contact.control else kind for i, kind in enumerate(arc.kinds))
+        touch = Contact(contact.limit, contact.side)
+        changed[k] = replace(
+            arc, kinds=kinds, held=tuple(c for c in arc.held if c != contact), touched=(*arc.touched, touch)
+        )
+    return merged(tuple(changed))
+
+
+def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return arcs in which the limit held for the shortest time is not held, its control left as in the arc before."""
+    held = [k for k, arc in enumerate(arcs) if arc.held and k > 0]
+    if not held:
+        return arcs
+    k = min(held, key=lambda k: arcs[k].duration)
+    free = {contact.control for contact in arcs[k].held}
+    before = arcs[k - 1].kinds
+    kinds = tuple(before[i] if i in free else kind for i, kind in enumerate(arcs[k].kinds))
+    if Kind.HOLDING in kinds:
+        return arcs
+    return merged((*arcs[:k], replace(arcs[k], kinds=kinds, held=()), *arcs[k + 1 :]))
+
+
+def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
+    """Return arcs that touch a limit where it is exceeded most."""
+    if limits[crossing.contact.limit].order == 0:
+        return arcs
+    cut, k = _cut(arcs, crossing.worst)
+    arc = cut[k]
+    if k == 0 or crossing.contact in arc.touched or any(c.limit == crossing.contact.limit for c in arc.held):
+        return arcs
+    return (*cut[:k], replace(arc, touched=(*arc.touched, crossing.contact)), *cut[k + 1 :])
+
+
+def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
+    """Return arcs in which a control is where its switching function wants it, for a part of the interval."""
+    start, end = wrong.start, wrong.end
+    starts = _starts(arcs)
+    own = [k for k, arc in enumerate(arcs) if starts[k] < (start + end) / 2.0 <= starts[k] + arc.duration]
+    if not own:
+        return arcs
+    k = own[0]
+    first = last = k
+    while first > 0 and arcs[first - 1].kinds[wrong.control] is arcs[k].kinds[wrong.control]:
+        first -= 1
+    while last + 1 < len(arcs) and arcs[last + 1].kinds[wrong.control] is arcs[k].kinds[wrong.control]:
+        last += 1
+    spell = starts[last] + arcs[last].duration - starts[first]
+    if end - start < WHOLE * spell:
+        quarter = (end - start) / 4.0
+        # Where the interval begins or ends with the spell, the switch there has the wrong order.
+        a = start if start - starts[first] < 1e-6 * spell else start + quarter
+        b = end if starts[last] + arcs[last].duration - end < 1e-6 * spell else end - quarter
+        arcs, _ = _cut(arcs, a)
+        arcs, _ = _cut(arcs, b)
+        starts = _starts(arcs)
+        chosen = [j for j, arc in enumerate(arcs) if a - 1e-12 <= starts[j] + arc.duration / 2.0 <= b + 1e-12]
+    else:
+        chosen = list(range(first, last + 1))
+    changed = tuple(
+        replace(arc, kinds=tuple(wrong.wanted if i == wrong.control else kind for i, kind in enumerate(arc.kinds)))
+        if j in chosen
+        else arc
+        for j, arc in enumerate(arcs)
+    )
+    return merged(changed)
+
+
+def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
+    """Return the structure to try next; the same arcs if nothing is wrong or nothing helps.
+
+    Args:
+        motion: as solved.
+        certificate: of it.
+        limits: of the states.
+    """
+    arcs = without_vanished(motion.arcs)
+    if len(arcs) < len(motion.arcs):
+        return arcs
+    if certificate.jumps or certificate.released:
+        return without_false_contacts(arcs, certificate)
+    for crossing in certificate.crossings:
+        touched = with_contact(arcs, crossing, limits)
+        if touched != arcs:
+            return touched
+    if certificate.signs:
+        return with_sign(arcs, certificate.signs[0])
+    return arcs
+
+
+def _starts(arcs: tuple[Arc, ...]) -> list[float]:
+    starts = [0.0]
+    for arc in arcs:
+        starts.append(starts[-1] + arc.duration)
+    return starts
+
+
+def _cut(arcs: tuple[Arc, ...], t: float) -> tuple[tuple[Arc, ...], int]:
+    """Return arcs with one that begins at t, and its number."""
+    begin = 0.0
+    total = sum(arc.duration for arc in arcs)
+    for k, arc in enumerate(arcs):
+        if abs(t - begin) <= 1e-9 * total:
+            return arcs, k
+        if begin < t < begin + arc.duration - 1e-9 * total:
+            before = replace(arc, duration=t - begin)
+            after = replace(arc, duration=begin + arc.duration - t, touched=())
+            return (*arcs[:k], before, after, *arcs[k + 1 :]), k + 1
+        begin += arc.duration
+    return arcs, len(arcs) - 1

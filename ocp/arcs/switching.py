@@ -1,0 +1,76 @@
+"""Switching functions: what a Hamiltonian gains by a change of each control, and where its sign is wrong."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.numerics.evaluation import mapped
+from ocp.problem.constraints import Where
+from ocp.problem.problem import Bolza, Problem
+from ocp.system import System
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingFunctions:
+    """dH/du_i along a motion, H = lambda . f + running, at K places.
+
+    Args:
+        values: (K, nu) [cost/s per unit of the control].
+        gains: (K, nu) cost per second that the best value of each control alone would save, >= 0.
+        shares: (K, nu) values times the range of the control, relative to the size of the Hamiltonian's terms.
+    """
+
+    values: Array
+    gains: Array
+    shares: Array
+
+
+def switching_functions(
+    problem: Problem, x: Array, u: Array, costates: Array, parameters: Sequence[float] | Array
+) -> SwitchingFunctions:
+    """Return the switching functions along a motion.
+
+    A control minimises H: at its lower limit where dH/du > 0, at its upper one where dH/du < 0.
+
+    Args:
+        problem: whose Hamiltonian it is.
+        x, u, costates: (K, nx), (K, nu), (K, nx).
+        parameters: (np,) values.
+
+    Source: Pontryagin et al., The Mathematical Theory of Optimal Processes.
+    """
+    system = problem.system
+    function = _slopes(system, problem.minimise)
+    p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
+    found = mapped(function, len(x))(x.T, u.T, p, costates.T)
+    values, sizes, bends = np.array(found[0]).T, np.array(found[1]).ravel(), np.array(found[2]).T
+    size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
+    low, high = problem.limits(Where.ALONG, system.u)
+    reach = np.max(np.abs(u), axis=0, initial=0.0)
+    span = np.where(np.isfinite(high - low), high - low, reach)
+    least, most = np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
+    # H is taken as a parabola in each control: its best value is its vertex or an end of the range.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        vertex = np.where(bends > 0.0, u - values / bends, np.where(values > 0.0, least, most))
+    step = np.clip(vertex, least, np.maximum(least, most)) - u
+    gains = np.maximum(-(values * step + np.maximum(bends, 0.0) / 2.0 * step**2), 0.0)
+    return SwitchingFunctions(values, gains, values * span / size)
+
+
+@functools.lru_cache(maxsize=32)
+def _slopes(system: System, minimise: Bolza) -> ca.Function:
+    """Return the function (x, u, p, lambda) -> (dH/du, size of the terms of H, d^2H/du_i^2)."""
+    costate = ca.SX.sym("lambda", system.x.numel())
+    hamiltonian = ca.dot(costate, system.rate) + minimise.running
+    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(minimise.running)
+    slope = ca.densify(ca.gradient(hamiltonian, system.u))
+    curvature = ca.vertcat(*(ca.jacobian(slope[i], system.u[i]) for i in range(system.u.numel())))
+    outputs = [slope, terms, ca.densify(curvature)]
+    return ca.Function("switching", [system.x, system.u, system.p, costate], outputs)

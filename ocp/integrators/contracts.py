@@ -1,0 +1,69 @@
+"""What an integrator is: settings that take a state through the pieces of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ocp import checks
+from ocp.integrators.control_pieces import Piece
+from ocp.system import System
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """The states of an integration at all stops of all pieces, the first of each piece left out."""
+
+    x: Array  # (S, nx), NaN from where the integration could not go on
+    message: str  # empty, or why it stopped
+    evaluations: int  # of f, those of rejected steps included
+
+
+class Method(Protocol):
+    """An integrator: a frozen dataclass of settings. A new one is a new class with this method."""
+
+    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all pieces.
+
+        Args:
+            system: x' = f(x, u, p).
+            parameters: values of p.
+            x0: (nx,) state at the first stop.
+            pieces: that follow each other without a gap.
+        """
+
+
+def check_tolerances(rtol: float | Array, atol: float | Array) -> None:
+    """Raise ValueError if a tolerance is not a number > 0."""
+    relative, absolute = checks.real(rtol), checks.real(atol)
+    if (
+        relative is None
+        or absolute is None
+        or relative.ndim
+        or absolute.ndim > 1
+        or not absolute.size
+        or not (0.0 < relative < np.inf and np.all((absolute > 0.0) & (absolute < np.inf)))
+    ):
+        told = f"{checks.shown(rtol)}, {checks.shown(atol)}"
+        raise ValueError(f"rtol, atol: got {told}, expected numbers > 0")
+
+
+def check_components(atol: float | Array, nx: int) -> None:
+    """Raise ValueError if an absolute tolerance is neither a scalar nor has a component for each state."""
+    if checks.real(atol) is not None and np.size(atol) not in (1, nx):
+        raise ValueError(f"atol: has {np.size(atol)} components, expected 1 or {nx}")
+
+
+def check_step(step: float) -> None:
+    """Raise ValueError if a step is not a finite number > 0."""
+    checks.number("step", step, "a finite number of seconds > 0", above=0.0)
+
+
+def stopped(t: float, reason: str) -> str:
+    """Return the message of an integration that stopped at t [s]."""
+    return f"the integration stopped at t = {t:.9g} s: {reason}"

@@ -1,0 +1,1 @@
+"""Mathematics that knows no optimal control: polynomials, root finding, fast evaluation of CasADi functions."""

@@ -1,0 +1,1 @@
+"""What is asked: problems, constraints, regions, sequences of problems, rest-to-rest tasks, the Hamiltonian."""

@@ -1,0 +1,64 @@
+"""States at both ends of a motion, by what is said of the start and the end."""
+
+from __future__ import annotations
+
+import functools
+
+import casadi as ca
+import numpy as np
+
+from ocp.problem.constraints import Where, simple
+from ocp.problem.problem import Problem
+
+Array = np.ndarray
+ITERATIONS, CLOSE = 30, 1e-12  # of Gauss-Newton, and share of the values that may be left
+
+
+def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
+    """Return states that meet the start and end conditions, and whether those conditions fix them completely."""
+    first, last, fixed = _ends(problem, tuple(p.elements()))
+    return first.copy(), last.copy(), fixed
+
+
+@functools.lru_cache(maxsize=16)
+def _ends(problem: Problem, values: tuple[float, ...]) -> tuple[Array, Array, tuple[bool, bool]]:
+    p = ca.DM(list(values))
+    low, high = problem.limits(Where.ALONG, problem.system.x)
+    still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
+    first, start_fixed = _meet(problem, Where.START, still, p)
+    last, end_fixed = _meet(problem, Where.END, first, p)
+    return first, last, (start_fixed, end_fixed)
+
+
+def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bool]:
+    system = problem.system
+    wanted = [c for c in problem.subject_to if c.where is where and not ca.depends_on(c.expression, system.u)]
+    if not wanted:
+        return x, False
+    expression = ca.vertcat(*(c.expression for c in wanted))
+    low, high = np.concatenate([c.lower for c in wanted]), np.concatenate([c.upper for c in wanted])
+    function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
+    whole = False
+    for constraint in wanted:
+        # What is said of a state alone is met at once; the rest may have no meaning elsewhere.
+        for place, c in simple(constraint, system.x):
+            x = x.copy()
+            x[place] = np.clip(x[place], constraint.lower[c], constraint.upper[c])
+    for _ in range(ITERATIONS):
+        value, slope = (np.array(part) for part in function(x, p))
+        short = np.clip(value.ravel(), low, high) - value.ravel()
+        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(short))):
+            return x, False
+        whole = bool(np.linalg.matrix_rank(_evened(slope[low == high])) == len(x)) if np.any(low == high) else False
+        if np.all(np.abs(short) <= CLOSE * np.maximum(np.abs(value.ravel()), np.abs(slope) @ np.abs(x))):
+            break
+        x = x + np.linalg.lstsq(slope, short, rcond=None)[0]
+    return x, whole
+
+
+def _evened(matrix: Array) -> Array:
+    """Return a matrix with rows, then columns, of length one: its rank does not depend on units."""
+    for axis in (1, 0):
+        size = np.linalg.norm(matrix, axis=axis, keepdims=True)
+        matrix = matrix / np.where(size > 0.0, size, 1.0)
+    return matrix

@@ -1,0 +1,138 @@
+"""Constraints as values: at the start, at the end, along the motion, or between both ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+
+
+class Where(Enum):
+    """Where a constraint holds."""
+
+    START = "start"
+    END = "end"
+    ALONG = "along"
+    PERIODIC = "periodic"  # value at the end minus value at the start
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """lower <= expression <= upper at the start, at the end or along the motion; made by start, end, along."""
+
+    where: Where
+    expression: ca.SX  # (m,)
+    lower: np.ndarray  # (m,)
+    upper: np.ndarray  # (m,)
+    name: str = ""  # what messages call it; empty for the name of the signal it is
+
+
+Limit = float | Sequence[float] | np.ndarray | None
+
+
+def start(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
+    """Constrain an expression at t = 0.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        lower: (m,) or scalar; the value itself if `upper` is not given.
+        upper: (m,) or scalar.
+        name: what messages call it.
+
+    Raises:
+        ValueError: sizes disagree, NaN, lower > upper.
+    """
+    return _at_end(Where.START, expression, lower, upper, name)
+
+
+def end(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") -> Constraint:
+    """Constrain an expression at t = T; arguments as for `start`."""
+    return _at_end(Where.END, expression, lower, upper, name)
+
+
+def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
+    """Constrain an expression along the whole motion.
+
+    A component that is one symbol of x or u becomes a bound of unknowns, one of p makes that parameter an unknown.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        lower, upper: (m,) or scalar; None (or infinite) for no limit.
+        name: what messages call it.
+
+    Raises:
+        ValueError: sizes disagree, NaN, lower > upper.
+    """
+    return _constraint(Where.ALONG, expression, lower, upper, name)
+
+
+def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
+    """Constrain an expression to the same value at both ends, expression(T) - expression(0) = shift.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        shift: (m,) or scalar, for motions that repeat a number of turns further.
+
+    Raises:
+        ValueError: sizes disagree, NaN.
+    """
+    checks.numbers("periodic: shift", shift)
+    return _constraint(Where.PERIODIC, expression, shift, shift, sides=("shift", "shift"))
+
+
+def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
+    """Return (place in symbols, component) for the components of a constraint that are one symbol each."""
+    place = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
+    return [
+        (place[component.element_hash()], c)
+        for c, component in enumerate(ca.vertsplit(constraint.expression))
+        if component.is_symbolic() and component.element_hash() in place
+    ]
+
+
+def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:
+    if lower is None and upper is None:
+        raise ValueError(f"{where.value}: lower and upper are None, expected a value or a lower and an upper limit")
+    return _constraint(where, expression, lower, lower if upper is None else upper, name)
+
+
+def _constraint(
+    where: Where, expression: ca.SX, lower: Limit, upper: Limit, called: str = "",
+    sides: tuple[str, str] = ("lower", "upper"),
+) -> Constraint:  # fmt: skip
+    name = where.value
+    checks.expression(name, expression)
+    checks.text(f"{name}: name", called)
+    column = ca.densify(ca.vec(expression))
+    size = column.numel()
+    if size == 0:
+        raise ValueError(f"{name}: the expression is empty, expected at least one component")
+    low, high = _limit(name, sides[0], lower, -np.inf, size), _limit(name, sides[1], upper, np.inf, size)
+    if np.any(low > high):
+        bad = np.flatnonzero(low > high).tolist()
+        raise ValueError(
+            f"{name}: lower > upper in components {bad}: {low[bad].tolist()} > {high[bad].tolist()} for "
+            f"{checks.shown(expression)}, expected lower <= upper"
+        )
+    if np.any(low == np.inf) or np.any(high == -np.inf):
+        told = checks.shown(expression)
+        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {told}")
+    return Constraint(where, column, low, high, called)
+
+
+def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np.ndarray:
+    array = checks.real(missing if value is None else value)
+    if array is None:
+        raise checks.refused(f"{where}: {side}", value, "numbers")
+    array = array.ravel()
+    if array.size not in (1, size):
+        raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
+    if np.any(np.isnan(array)):
+        places = np.flatnonzero(np.isnan(array)).tolist()
+        raise ValueError(f"{where}: {side} is NaN in components {places}, expected numbers, or inf for no limit")
+    return np.broadcast_to(array, (size,)).copy()

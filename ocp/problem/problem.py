@@ -1,0 +1,249 @@
+"""An optimal-control problem as a value: system, horizon, cost, constraints."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.problem.constraints import Constraint, Where, along, simple
+from ocp.system import Label, System
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A horizon of given duration [s]."""
+
+    duration: float
+
+    def __post_init__(self) -> None:
+        checks.number("Fixed: duration", self.duration, "a finite number of seconds > 0", above=0.0)
+
+
+@dataclass(frozen=True)
+class Free:
+    """A horizon whose duration is an unknown.
+
+    Args:
+        guess: starting value of the duration [s].
+        lower, upper: its limits [s].
+    """
+
+    guess: float = 1.0
+    lower: float = 0.0
+    upper: float = float("inf")
+
+    def __post_init__(self) -> None:
+        checks.number("Free: guess", self.guess, "a finite number of seconds > 0", above=0.0)
+        for name in ("lower", "upper"):
+            checks.number(f"Free: {name}", getattr(self, name), "a number of seconds", finite=False)
+        if not 0.0 <= self.lower <= self.upper or self.lower == np.inf:
+            raise ValueError(f"Free: limits {self.lower} .. {self.upper} s, expected 0 <= lower <= upper")
+
+
+@dataclass(frozen=True, eq=False)
+class Bolza:
+    """A cost J = time * T + integral of running dt + final.
+
+    Args:
+        time: weight of the duration T [1/s for a cost without unit].
+        running: expression in x, u, p; integrated over the motion.
+        final: expression in x, p; taken at the end.
+    """
+
+    time: float = 0.0
+    running: ca.SX = field(default_factory=lambda: ca.SX(0))
+    final: ca.SX = field(default_factory=lambda: ca.SX(0))
+
+    def __post_init__(self) -> None:
+        checks.number("Bolza: time weight", self.time, "a finite number")
+        for name in ("running", "final"):
+            given = getattr(self, name)
+            wanted = "an expression in x, u, p, or a finite number"
+            if not isinstance(given, int | float | np.number):
+                checks.expression(f"Bolza: {name}", given, wanted)
+            expression = given if isinstance(given, ca.SX) else ca.SX(checks.number(f"Bolza: {name}", given, wanted))
+            if expression.numel() != 1:
+                raise ValueError(f"Bolza: {name} has {expression.numel()} components, expected one expression")
+            object.__setattr__(self, name, expression)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise a Bolza cost over a horizon, subject to constraints.
+
+    Args:
+        system: x' = f(x, u, p).
+        horizon: Free or Fixed.
+        minimise: the cost.
+        subject_to: made by start, end, along, periodic, inside, outside. The limits of the system itself are added;
+            along(..., name=) with the name of such a limit takes its place.
+
+    Raises:
+        TypeError: a part of the wrong kind.
+        ValueError: an expression with symbols that the system does not have, or a constraint that needs u at an end
+            of a cost.
+    """
+
+    system: System
+    horizon: Free | Fixed = field(default_factory=Free)
+    minimise: Bolza = field(default_factory=lambda: Bolza(time=1.0))
+    subject_to: tuple[Constraint, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, kind in (("system", System), ("horizon", Free | Fixed), ("minimise", Bolza)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"Problem: {name} is {checks.shown(getattr(self, name))}, expected {kind}")
+        wanted = "a tuple of start(...), along(...) ..."
+        checks.instance("Problem: subject_to", self.subject_to, Constraint | tuple | list, wanted)
+        constraints = (self.subject_to,) if isinstance(self.subject_to, Constraint) else tuple(self.subject_to)
+        for constraint in constraints:
+            if not isinstance(constraint, Constraint):
+                told = checks.shown(constraint)
+                raise TypeError(f"Problem: subject_to has {told}, expected start(...), end(...) or along(...)")
+            self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
+        own = {name: sides for name, sides in self.system.limits.items() if name not in {c.name for c in constraints}}
+        constraints += tuple(along(self.system[name], *sides, name=name) for name, sides in own.items())
+        object.__setattr__(self, "subject_to", constraints)
+        self.system.check_symbols("Bolza: running", self.minimise.running)
+        self.system.check_symbols("Bolza: final", self.minimise.final)
+        if ca.depends_on(self.minimise.final, self.system.u):
+            raise ValueError("Bolza: final depends on the control, which has no value at one instant; use running")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        system, cost = self.system, self.minimise
+        expressions = [cost.running, cost.final, *(c.expression for c in self.subject_to)]
+        function = ca.Function("problem", [system.x, system.u, system.p], expressions)
+        limits = [(c.where, c.lower, c.upper, c.name) for c in self.subject_to]
+        return rebuild, (system, self.horizon, cost.time, function, limits)
+
+    def labels(self, constraint: Constraint) -> tuple[Label, ...]:
+        """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
+        checks.instance("constraint", constraint, Constraint, "start(...), end(...) or along(...)")
+        system, size = self.system, constraint.expression.numel()
+        if len(system.labels.get(constraint.name, ())) == size:
+            return system.labels[constraint.name]
+        if constraint.name:
+            return (
+                (Label(constraint.name),)
+                if size == 1
+                else tuple(Label(f"{constraint.name}_{c + 1}") for c in range(size))
+            )
+        known = [
+            (signal[i], label)
+            for name, signal in {**system.signals, "x": system.x, "u": system.u}.items()
+            for i, label in enumerate(system.label(name, signal.numel()))
+        ]
+        found = []
+        for c, component in enumerate(ca.vertsplit(constraint.expression)):
+            same = (label for signal, label in known if ca.is_equal(signal, component, 2))
+            found.append(next(same, Label("a limited expression" if size == 1 else f"limited expression {c + 1}")))
+        return tuple(found)
+
+    def limits(self, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lower and upper limits that simple components of constraints put on symbols.
+
+        Args:
+            where: START, END or ALONG.
+            symbols: (m,) a column of symbols of the system.
+
+        Returns:
+            lower, upper: (m,), infinite where nothing is said; lower > upper where constraints contradict each other.
+        """
+        checks.instance("where", where, Where, "Where.START, Where.END or Where.ALONG")
+        checks.expression("symbols", symbols, "a column of symbols of the system")
+        known = self.system.x, self.system.u, self.system.p
+        for number, column in enumerate(known):
+            if symbols is column:
+                low, high = _limits(self, where, number)
+                return low.copy(), high.copy()
+        return _limits_of(self, where, symbols)
+
+
+def same_structure(old: Problem, new: Problem) -> Problem:
+    """Return `new` if it differs from `old` in numbers only, else raise ValueError."""
+    same = (
+        new.system is old.system
+        and type(new.horizon) is type(old.horizon)
+        and _same_cost(new.minimise, old.minimise)
+        and len(new.subject_to) == len(old.subject_to)
+        and all(
+            a.where is b.where
+            and a.expression.shape == b.expression.shape
+            and ca.is_equal(a.expression, b.expression, 10)
+            for a, b in zip(old.subject_to, new.subject_to, strict=True)
+        )
+    )
+    if not same:
+        raise ValueError(
+            "problem: differs from the prepared one in more than limits, start and end values; prepare it anew"
+        )
+    return new
+
+
+def _same_cost(one: Bolza, other: Bolza) -> bool:
+    alike = ((one.running, other.running), (one.final, other.final))
+    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))
+
+
+@functools.lru_cache(maxsize=64)
+def _limits(problem: Problem, where: Where, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the limits on x, u or p (number 0, 1, 2); asked for many times in one solve."""
+    return _limits_of(problem, where, (problem.system.x, problem.system.u, problem.system.p)[number])
+
+
+def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.full(symbols.numel(), -np.inf), np.full(symbols.numel(), np.inf)
+    for constraint in problem.subject_to:
+        if constraint.where is where:
+            for place, c in simple(constraint, symbols):
+                low[place] = max(low[place], constraint.lower[c])
+                high[place] = min(high[place], constraint.upper[c])
+    return low, high
+
+
+def parameters(problem: Problem, values: Sequence[float]) -> ca.DM:
+    """Return parameter values as a column, one for each parameter of the system of a problem.
+
+    Args:
+        problem: whose parameters.
+        values: in the order of p.
+
+    Raises:
+        TypeError: no Problem.
+        ValueError: another number of values, or one that is not finite.
+    """
+    checks.instance("problem", problem, Problem, "a Problem")
+    names = problem.system.nominal
+    wanted = f"{len(names)} finite numbers, one for each parameter ({', '.join(names) or 'none'})"
+    if not names and np.size(values) == 0:
+        return ca.DM(0, 1)
+    return ca.DM(checks.column("values", values, len(names), wanted))
+
+
+def rebuild(
+    system: System,
+    horizon: Free | Fixed,
+    time: float,
+    function: ca.Function,
+    limits: Sequence[tuple[Where, np.ndarray, np.ndarray, str]],
+) -> Problem:
+    """Return the Problem that a function (x, u, p) -> (running, final, *constraints) stands for.
+
+    Args:
+        system: on whose symbols the expressions are rebuilt.
+        horizon: Free or Fixed.
+        time: weight of the duration.
+        function: as made by pickling a Problem.
+        limits: where, lower, upper and name of every constraint.
+    """
+    running, final, *expressions = function.call([system.x, system.u, system.p])
+    constraints = [
+        Constraint(where, expression, lower, upper, name)
+        for expression, (where, lower, upper, name) in zip(expressions, limits, strict=True)
+    ]
+    return Problem(system, horizon, Bolza(time, running, final), tuple(constraints))

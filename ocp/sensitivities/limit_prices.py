@@ -1,0 +1,65 @@
+"""Prices of limits: what the optimal cost gains or loses when one number of a problem is moved, by its multipliers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ocp.problem.constraints import Constraint, Where
+from ocp.problem.problem import Problem
+from ocp.sensitivities.kkt_derivatives import Direction, envelope
+from ocp.sensitivities.kkt_root import Optimum
+from ocp.sensitivities.nlp_of_solution import Reconstruction
+
+STEP = 2.0**-20  # of a number, relative; bounds are piecewise linear in it
+SMALL = 1e-9  # share of the largest price below which it is none
+
+
+class Price(NamedTuple):
+    """What one active limit or condition costs."""
+
+    name: str  # of the limited component
+    unit: str  # of it
+    where: Where
+    side: str  # "lower", "upper", or "value" for a condition
+    limit: float
+    cost: float  # d cost / d limit
+
+
+def prices(here: Reconstruction, at: Optimum) -> tuple[Price, ...]:
+    """Return the prices of all active limits and conditions of a problem.
+
+    Args:
+        here: a solution as unknowns of its programme.
+        at: the root of its conditions.
+    """
+    problem, found, slope = here.problem, [], here.slope(at)
+    for i, constraint in enumerate(problem.subject_to):
+        labels = problem.labels(constraint)
+        for c, label in enumerate(labels):
+            low, high = float(constraint.lower[c]), float(constraint.upper[c])
+            for side, limit in (("value", low),) if low == high else (("lower", low), ("upper", high)):
+                if not np.isfinite(limit):
+                    continue
+                step = STEP * max(abs(limit), 1.0) * (-1.0 if side == "lower" else 1.0)
+                moved = here.moved(_with(problem, i, c, side, limit + step))
+                direction = Direction.between((here.head, here.bounds), moved)
+                cost = envelope(here.bounds, at, (direction,), slope)[0] / step
+                found.append(Price(label.name, label.unit, constraint.where, side, limit, float(cost)))
+    least = SMALL * max((abs(price.cost) for price in found), default=0.0)
+    return tuple(price for price in found if abs(price.cost) > least)
+
+
+def _with(problem: Problem, number: int, component: int, side: str, value: float) -> Problem:
+    """Return the problem with one number changed."""
+    old = problem.subject_to[number]
+    lower, upper = old.lower.copy(), old.upper.copy()
+    for name, array in (("lower", lower), ("upper", upper)):
+        if side in (name, "value"):
+            array[component] = value
+    new = Constraint(old.where, old.expression, lower, upper, old.name)
+    others = list(problem.subject_to)
+    others[number] = new
+    return replace(problem, subject_to=tuple(others))

@@ -1,0 +1,169 @@
+"""The programme that a solution solves, made again from it, with unknowns, multipliers and bounds."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ocp.arcs.arc_nlp import ArcProgramme, pose_arcs
+from ocp.arcs.arc_problems import arc_problem
+from ocp.problem.problem import Fixed, Problem
+from ocp.sensitivities.kkt_root import Bounds, Optimum
+from ocp.sensitivities.kkt_system import evaluate
+from ocp.solution.solution import Solution
+from ocp.solving.starts import from_solution
+from ocp.solving.warm_start import multipliers
+from ocp.transcription.direct_collocation import free_parameters, transcribe
+from ocp.transcription.grid import uniform
+from ocp.transcription.nlp import Programme, bounds
+from ocp.transcription.scaling import Scaling, from_limits
+from ocp.transcription.schemes.scheme import Scheme
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """A solution as unknowns of its programme.
+
+    Args:
+        programme: of the problem, or of its structure if the solution is polished.
+        problem: solved.
+        bounds: of the unknowns and rows.
+        z: (nz,) unknowns.
+        s: parameters of the programme.
+        y: (ng,) multipliers of the rows as far as known, or None.
+        limits: (nz,) multipliers of the bounds, zero where they are not known.
+        head: (np + 1 or np,) parameters, and the duration if the programme takes it as given.
+        arc: (N,) arc of every element.
+        shares: (N,) width of every element, share of its arc.
+        posed: structure, if the solution is polished.
+        duration: [s].
+    """
+
+    programme: Programme
+    problem: Problem
+    bounds: Bounds
+    z: Array
+    s: Array
+    y: Array | None
+    limits: Array
+    head: Array
+    arc: Array
+    shares: Array
+    posed: ArcProgramme | None
+    duration: float
+
+    def slope(self, at: Optimum) -> Array:
+        """Return grad f + A' y (nz,) at a root of the conditions of optimality."""
+        here = evaluate(self.programme, at.z, at.s, at.y)
+        return np.asarray(here.gradient + np.array(ca.mtimes(here.jacobian.T, at.y)).ravel())
+
+    def moved(self, problem: Problem) -> tuple[Array, Bounds]:
+        """Return head and bounds for a problem that differs in numbers only."""
+        head = np.array(self.head)
+        if self.posed is None:
+            if isinstance(problem.horizon, Fixed):
+                head[-1] = problem.horizon.duration
+            return head, bounds(replace(self.programme, problem=problem))
+        return head, self.posed.adapted(problem, self.posed.task.numbers).sides()
+
+    def touches(self) -> Iterator[tuple[str, int, int]]:
+        """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
+        ties = zip(self.posed.ties, self.programme.conditions, strict=True) if self.posed else ()
+        for tie, rows in ties:
+            assert self.posed is not None
+            if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:
+                name = self.posed.task.limits[tie.contact.limit].label.name
+                side = "upper" if tie.contact.side > 0 else "lower"
+                yield f"the touch of {name} with its {side} limit", int(rows[0, 0, 0]), tie.contact.side
+
+    def where(self, number: int) -> str:
+        """Return what a limit is called, by its number among the lower, then the upper ones of unknowns and rows."""
+        low, _, rows_low, rows_high = self.bounds
+        rows = np.flatnonzero((rows_low < rows_high) & (np.isfinite(rows_low) | np.isfinite(rows_high)))
+        side = "upper" if number >= len(low) + len(rows) else "lower"
+        place = number % (len(low) + len(rows))
+        layout, system = self.programme.layout, self.problem.system
+        ends = self.programme.grid.ends[:-1] * float(self.duration)
+        for name, places in (("x", layout.state), ("u", layout.control)):
+            found = np.argwhere(places == place)
+            if len(found):
+                labels = system.label(name, places.shape[2])
+                return f"{labels[found[0][2]].name} at its {side} limit near t = {ends[found[0][0]]:.4g} s"
+        for (i, c), own in zip(self.programme.path_parts, self.programme.path, strict=True):
+            found = np.argwhere(own == (rows[place - len(low)] if place >= len(low) else -1))
+            if len(found):
+                label = self.problem.labels(self.problem.subject_to[i])[c]
+                return f"{label.name} at its {side} limit near t = {ends[found[0][0]]:.4g} s"
+        return f"a {side} limit of the duration, a free parameter or an end"
+
+
+def reconstruct(solution: Solution, problem: Problem) -> Reconstruction:
+    """Return the programme of a solution and the solution in its terms.
+
+    Args:
+        solution: solved, of the problem.
+        problem: what it solves.
+    """
+    numbers = problem.system.values(solution.values)
+    if solution.structure is not None:
+        return _of_arcs(solution, problem, numbers)
+    scaling = from_limits(problem, from_solution(solution), numbers, free_parameters(problem))
+    made = _transcribed(
+        problem, solution.scheme, len(solution.grid), tuple(scaling.x.tolist()), tuple(scaling.u.tolist()),
+        scaling.horizon, tuple(scaling.free.tolist()),
+    )  # fmt: skip
+    programme = replace(made, grid=solution.grid)
+    head = np.array([*numbers, *([solution.duration] if isinstance(problem.horizon, Fixed) else [])])
+    z = _unknowns(solution, programme)
+    z[programme.layout.horizon] = solution.duration / programme.scaling.horizon
+    limits, y, held = np.zeros(len(z)), None, solution.multipliers
+    if held is not None:
+        y = multipliers(programme, solution)[1]
+        limits[programme.layout.state] = held.x * programme.scaling.x
+        limits[programme.layout.control] = held.u * programme.scaling.u
+    widths = solution.grid.widths
+    return Reconstruction(
+        programme, problem, bounds(programme), z, np.append(head, widths), y, limits, head,
+        np.zeros(len(widths), dtype=int), widths, None, solution.duration,
+    )  # fmt: skip
+
+
+def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reconstruction:
+    structure = solution.structure
+    assert structure is not None
+    durations = np.array([arc.duration for arc in structure.arcs])
+    middles = (solution.grid.ends[:-1] + solution.grid.widths / 2.0) * solution.duration
+    arc = np.minimum(np.searchsorted(np.cumsum(durations), middles), len(durations) - 1)
+    elements = tuple(np.bincount(arc, minlength=len(durations)).tolist())
+    task = arc_problem(problem, solution.scheme, solution.values)
+    posed = pose_arcs(task, structure.arcs, elements, from_solution(solution))
+    shares = 1.0 / np.repeat(elements, elements)
+    return Reconstruction(
+        posed.programme, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
+        np.zeros(posed.programme.layout.size), np.array(numbers), posed.division.arc, shares, posed, solution.duration,
+    )  # fmt: skip
+
+
+@functools.lru_cache(maxsize=8)
+def _transcribed(
+    problem: Problem, scheme: Scheme, elements: int, x: tuple[float, ...], u: tuple[float, ...], horizon: float,
+    free: tuple[float, ...],
+) -> Programme:  # fmt: skip
+    """Return the programme of a problem, kept for its other solutions; their grids are parameters of it."""
+    return transcribe(problem, scheme, uniform(elements), Scaling(np.array(x), np.array(u), horizon, np.array(free)))
+
+
+def _unknowns(solution: Solution, programme: Programme) -> Array:
+    layout, scaling = programme.layout, programme.scaling
+    z = np.zeros(layout.size)
+    z[layout.state], z[layout.control] = solution.states / scaling.x, solution.controls / scaling.u
+    names = list(programme.problem.system.nominal)
+    z[layout.free] = [solution.values[names[number]] for number in programme.free]
+    z[layout.free] /= scaling.free
+    return z

@@ -1,0 +1,1 @@
+"""What was found: solutions and their files, error values, switching structures, constraint violations."""

@@ -1,0 +1,279 @@
+"""The answer of a solve, whatever happened: status, motion as interpolants of the scheme, costates, timings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.arcs.arcs import Structure
+from ocp.numerics.evaluation import mapped
+from ocp.problem.problem import Problem
+from ocp.system import rates
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+if TYPE_CHECKING:
+    from ocp.accuracy.error_estimate import Errors
+
+Array = np.ndarray
+# Times outside the motion by less than this share of the duration are rounding.
+OUTSIDE = 1e-9
+GAUSS = np.polynomial.legendre.leggauss(4)
+
+
+class Status(Enum):
+    """How a solve ended; the value is the sentence shown to the user."""
+
+    SOLVED = "solved to the requested tolerance"
+    ACCEPTABLE = "solved to a looser tolerance only; tighten or rescale before trusting the last digits"
+    INFEASIBLE = "no motion found that meets all constraints"
+    UNBOUNDED = "the iterates diverge: the cost or the motion has no bound"
+    LIMIT = "stopped at the limit of iterations or time; the last iterate is kept"
+    STOPPED = "stopped by the user; the last iterate is kept"
+    FAILED = "the solver failed; the last iterate is kept"
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Wall-clock seconds of one solve."""
+
+    setup: float  # transcription, derivatives of the graph, construction of the solver
+    derivatives: float  # evaluation of cost, constraints and their derivatives
+    solver: float  # the rest of the solve: linear algebra and line search
+    total: float
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Multipliers of the limits, -d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+
+    Those of shared unknowns (ends of elements) stand on both sides.
+    """
+
+    x: Array  # (N, m, nx) of the state unknowns [cost / unit of the state]
+    u: Array  # (N, c, nu) of the control unknowns [cost / unit of the control]
+    path: Array  # (N, l) of the limited expressions that are no unknowns, on every element, one after the other
+    ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """How good a rung of a refinement is, what it has cost so far, and why the refinement ended there if it did."""
+
+    error: float  # estimated, in `unit`
+    tol: float  # asked for
+    unit: str
+    what: str  # is wrong by `error`
+    seconds: float  # since the refinement began [s]
+    errors: Errors
+    reason: str = ""  # why this is the last rung; empty if it is not
+
+    @property
+    def met(self) -> bool:
+        """Whether the estimated error is within the tolerance."""
+        return self.error <= self.tol
+
+    def __str__(self) -> str:
+        ending = f": {self.reason}" if self.reason else ""
+        return f"{self.what} to {self.error:.1e} {self.unit}, asked {self.tol:g}, after {self.seconds:.2f} s{ending}"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A motion and how it was found; x(t), u(t) and costate(t) are the interpolants of the scheme.
+
+    Costates are the gradient of the optimal cost with respect to the state, lambda = dJ/dx, so that the Hamiltonian
+    lambda . f + running is minus the weight of time on an optimal motion of free duration (-1 for minimum time).
+    """
+
+    status: Status
+    message: str  # in words; IPOPT's own status is in `solver_status`
+    solver_status: str  # verbatim
+    duration: float  # [s]
+    cost: float
+    states: Array  # (N, m, nx) at the nodes of the scheme on every element
+    controls: Array  # (N, c, nu) control unknowns of every element
+    slopes: Array  # (N, e, nx) h dx/dt at the start of every element; e = 1 for Lobatto, else 0
+    costates: Array  # (N, d, nx) at the collocation points
+    free: Mapping[str, float]  # values of the parameters that were unknowns
+    values: Mapping[str, float]  # value of every parameter in this motion
+    timings: Timings
+    iterations: int
+    grid: Grid
+    scheme: Scheme
+    problem: Problem | None  # None if loaded from a file without it
+    rung: str = "given guess"  # which first guess led here
+    log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
+    multipliers: Multipliers | None = None  # None if loaded from a file of version 1
+    accuracy: Accuracy | None = None  # of a rung of solve_to_accuracy; not saved, `estimate` gives its errors again
+    structure: Structure | None = None  # switching structure of a polished solution
+
+    @property
+    def ok(self) -> bool:
+        """Whether the solver met its tolerance."""
+        return self.status is Status.SOLVED
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.status.name.lower()}, duration {self.duration:.9g} s, cost {self.cost:.9g}, "
+            f"{self.iterations} iterations, {self.timings.total:.3g} s, {self.scheme!r}, {self.grid!r})"
+        )
+
+    @property
+    def data(self) -> Array:
+        """(N, m + e, nx) what defines the state polynomial of every element: states, then slopes."""
+        return np.concatenate([self.states, self.slopes], axis=1)
+
+    @property
+    def nodes(self) -> Array:
+        """(N + 1,) times of the ends of the elements [s]."""
+        return np.asarray(self.duration * self.grid.ends)
+
+    @property
+    def collocation_times(self) -> Array:
+        """(N, d) times of the collocation points [s]."""
+        shares: Array = self.grid.ends[:-1, None] + self.grid.widths[:, None] * self.scheme.points
+        times: Array = self.duration * shares
+        return times
+
+    @property
+    def t(self) -> Array:
+        """Times of all ends of elements and collocation points, increasing [s]."""
+        return np.unique(np.concatenate([self.nodes, self.collocation_times.ravel()]))
+
+    def x(self, t: Array | float) -> Array:
+        """Return the state at times t [s] within the motion, shape (len(t), nx), or (nx,) for a scalar."""
+        return self._evaluate(t, self.data, self.scheme.state_at)
+
+    def rate(self, t: Array | float) -> Array:
+        """Return dx/dt of the interpolant at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
+        return self._evaluate(t, self.data / self._seconds[:, None, None], self.scheme.slope_at)
+
+    def u(self, t: Array | float) -> Array:
+        """Return the control at times t [s], from the right where it jumps, shape (len(t), nu) or (nu,)."""
+        return self._evaluate(t, self.controls, self.scheme.control_at)
+
+    def costate(self, t: Array | float) -> Array:
+        """Return lambda = dJ/dx at times t [s], shape (len(t), nx), or (nx,) for a scalar."""
+        return self._evaluate(t, self.costates, self.scheme.costate_at)
+
+    def signal(self, signal: str | ca.SX, t: Array | float) -> Array:
+        """Return a signal of the system, or an expression in x, u, p, at times t.
+
+        Args:
+            signal: name of a signal ("q", "tau", ...; also "x", "u"), or an expression (m,).
+            t: times [s] within the motion, (K,) or scalar.
+
+        Returns:
+            (K, m), or (m,) for a scalar.
+
+        Raises:
+            ValueError: the solution was loaded without its problem, or t lies outside the motion.
+            KeyError: no such signal.
+        """
+        if isinstance(signal, str) and signal in ("x", "u"):
+            return self.x(t) if signal == "x" else self.u(t)
+        checks.instance("signal", signal, str | ca.SX, "the name of a signal or an expression")
+        if self.problem is None:
+            raise ValueError("signal: this solution was loaded without its model; use load(path, problem=...)")
+        system = self.problem.system
+        expression = system[signal] if isinstance(signal, str) else signal
+        system.check_symbols("signal", expression)
+        times = self._times(t)
+        function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
+        parameters = np.array([self.values[name] for name in system.nominal])[:, None]
+        found = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
+        result = np.array(found).T
+        return result if np.ndim(t) else result[0]
+
+    @property
+    def error(self) -> Array:
+        """(N,) relative local error of the dynamics on every element.
+
+        e_k = max_i integral over the element of |dx_i/dt - f_i(x, u)| dt / s_i
+
+        with s_i the largest |x_i|, at least a thousandth of the largest state with the same unit.
+
+        The residual is zero at the collocation points, where it changes its sign; a Gauss quadrature of four points
+        runs between every two of them.
+
+        Raises:
+            ValueError: the solution was loaded without its problem.
+
+        Source: J. T. Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming, 4.7.
+        """
+        if self.problem is None:
+            raise ValueError("error: this solution was loaded without its model; use load(path, problem=...)")
+        system = self.problem.system
+        edges = np.unique(np.concatenate([[0.0], self.scheme.points, [1.0]]))
+        tau = (edges[:-1, None] + np.diff(edges)[:, None] * (GAUSS[0] + 1.0) / 2.0).ravel()
+        shares = (np.diff(edges)[:, None] * GAUSS[1] / 2.0).ravel()
+        t, x, rate, u = self.samples(tau)
+        function = mapped(rates(system), len(t))
+        p = np.array([self.values[name] for name in system.nominal])[:, None]
+        missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
+        each = missed.reshape(len(self.grid), len(tau), -1)
+        widths = self.duration * self.grid.widths
+        integral = np.einsum("ksa,s->ka", each, shares) * widths[:, None]
+        span = np.max(np.abs(x), axis=0)
+        units = [label.unit for label in system.label("x", len(span))]
+        floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
+        size = np.maximum(span, floor)
+        relative: Array = np.max(integral / np.where(size > 0.0, size, 1.0), axis=1)
+        return relative
+
+    def samples(self, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the motion at places tau of every element, each seen from inside its own element.
+
+        Args:
+            tau: (s,) places in [0, 1]; at 0 and 1 the values are those of the element, before any jump.
+
+        Returns:
+            t (N s,), x (N s, nx), dx/dt (N s, nx), u (N s, nu).
+        """
+        tau = checks.places("tau", tau, "places in [0, 1] of every element", 0.0, 1.0, least=1)
+        widths = self.duration * self.grid.widths
+        t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
+        x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
+        rate = np.einsum("sm,kma->ksa", self.scheme.slope_at(tau), self.data / self._seconds[:, None, None])
+        u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
+        return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
+
+    def locate(self, t: Array | float) -> tuple[Array, Array]:
+        """Return the element of each time and the place tau in [0, 1] on it.
+
+        Raises:
+            ValueError: a time is not a number within the motion.
+        """
+        return self._place(self._times(t))
+
+    def _place(self, t: Array) -> tuple[Array, Array]:
+        share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
+        element = self.grid.locate(share)
+        return element, (share - self.grid.ends[element]) / self.grid.widths[element]
+
+    def _times(self, t: Array | float) -> Array:
+        times = checks.real(t)
+        if times is None or times.ndim > 1 or not times.size:
+            raise checks.refused("t", t, "times in s within the motion, one or (K,)")
+        slack = OUTSIDE * self.duration
+        if not np.all((times >= -slack) & (times <= self.duration + slack)):
+            raise ValueError(f"t: got {times.min()} .. {times.max()} s, the motion lasts from 0 to {self.duration} s")
+        return np.atleast_1d(times)
+
+    @property
+    def _seconds(self) -> Array:
+        """(N,) durations of the elements; those of a motion of no duration, which rests, are one."""
+        widths: Array = self.duration * self.grid.widths
+        return widths if self.duration > 0.0 else np.ones(len(widths))
+
+    def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
+        element, tau = self._place(self._times(t))
+        result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
+        return result if np.ndim(t) else result[0]

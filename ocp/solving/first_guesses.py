@@ -1,0 +1,298 @@
+"""First guesses: a motion that a solve may start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from collections.abc import Sequence as Several
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.problem.boundary_states import ends
+from ocp.problem.constraints import Where
+from ocp.problem.problem import Fixed, Free, Problem, parameters
+from ocp.system import slopes
+
+Array = np.ndarray
+PLACES = 11  # at which the controls of a straight line are balanced
+SMOOTH_PLACES = 41  # of a smooth motion
+STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
+FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
+SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # of the guessed duration, while nothing keeps the motion from being shorter
+ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and share of their rates that may be left
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A motion on shares of the horizon, interpolated linearly.
+
+    Args:
+        share: (K,) increasing, from 0 to 1.
+        x: (K, nx) states.
+        u: (K, nu) controls.
+        duration: [s].
+        free: (nf,) values of the free parameters, empty for their nominal ones.
+    """
+
+    share: Array
+    x: Array
+    u: Array
+    duration: float
+    free: Array
+
+    def __post_init__(self) -> None:
+        share = checks.real(self.share)
+        if (
+            share is None
+            or share.ndim != 1
+            or len(share) < 2
+            or not np.all(np.isfinite(share))
+            or not (np.all(np.diff(share) >= 0.0) and share[0] == 0.0 and share[-1] == 1.0)
+        ):
+            raise checks.refused("Guess: share", self.share, "increasing numbers from 0 to 1")
+        object.__setattr__(self, "share", share.copy())
+        for name in ("x", "u"):
+            table = checks.real(getattr(self, name))  # a guess that is not finite is told by the solve
+            if table is None:
+                raise checks.refused(f"Guess: {name}", getattr(self, name), "numbers, one row for each share")
+            object.__setattr__(self, name, table.copy())
+            rows = table.shape
+            if len(rows) != 2 or rows[0] != len(share):
+                raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
+        checks.number("Guess: duration", self.duration, "a finite number of seconds >= 0", at_least=0.0)
+        free = checks.places("Guess: free", self.free, "values of the free parameters, none for their nominal ones")
+        object.__setattr__(self, "free", free)
+
+    def state(self, share: Array) -> Array:
+        """Return x at shares of the horizon, shape (..., nx)."""
+        checks.numbers("share", share, "shares of the horizon, numbers")
+        return _interpolate(share, self.share, self.x)
+
+    def control(self, share: Array) -> Array:
+        """Return u at shares of the horizon, shape (..., nu)."""
+        checks.numbers("share", share, "shares of the horizon, numbers")
+        return _interpolate(share, self.share, self.u)
+
+
+def straight_line(problem: Problem, values: Several[float]) -> Guess:
+    """Return the straight line from a state that meets the start conditions to one that meets the end conditions.
+
+    The states at the ends are the ones nearest to zero (within the limits along the motion) that satisfy
+    start(...) and end(...), by Gauss-Newton; states that no condition touches keep their value. The controls balance
+    the system on the line as well as they can: they minimise |x' - f(x, u)| at each place, within their limits.
+
+    Args:
+        problem: the problem.
+        values: of the parameters.
+    """
+    p = parameters(problem, values)
+    duration = _duration(problem)
+    first, last, _ = ends(problem, p)
+    share = np.linspace(0.0, 1.0, PLACES)
+    x = first + share[:, None] * (last - first)
+    rates = np.tile((last - first) / duration, (PLACES, 1))
+    return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(PLACES)), duration, np.zeros(0))
+
+
+def smooth(problem: Problem, values: Several[float]) -> Guess:
+    """Return a smooth motion between the ends whose states and controls follow from the system itself.
+
+    The states that the controls reach last (positions, as a rule) run along a quintic, or a septic if more than two
+    integrations lie between; the states before them are found place by place from x' = f(x, u), and the controls
+    last. A free duration is lengthened from a quarter of the guessed one until the controls keep their limits; where
+    that is far too long, it is shortened first, as long as all limits are kept.
+
+    Args:
+        problem: the problem.
+        values: of the parameters.
+    """
+    p = parameters(problem, values)
+    first, last, _ = ends(problem, p)
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    layers = _layers(problem)
+    duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
+    best: Guess | None = None
+    longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
+    least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
+    if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
+        path, kept = _path(first, last, len(layers)), _keeping(problem, p)
+        for count in range(SHORTENINGS if np.any(first != last) else 0):
+            trial = _follow(problem, path, duration, layers, p, function)
+            if not kept(trial):
+                # What the controls do not keep is lengthened below by as much as they need.
+                duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
+                break
+            if SHORTER * duration < problem.horizon.lower:
+                break
+            duration *= SHORTER
+    for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
+        guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
+        used = _use(guess.u, low, high)
+        if used < least:
+            best, least = guess, used
+        if used <= 1.0:
+            break
+        # Accelerations fall with the square of the duration.
+        duration = min(duration * float(np.clip(np.sqrt(used), LEAST_STRETCH, 1e8)), longest)
+    if best is None:
+        return straight_line(problem, values)
+    return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)
+
+
+def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
+    """Return a smooth motion between the ends that strays from the straight one, for a search of other optima.
+
+    The last layer of states is displaced by a bump of random size, at most the distance of its limits (where it has
+    none, its range plus a radian, or plus the largest range of others with its unit), and kept within them; the
+    duration is multiplied by a random factor, log-normal with a standard deviation of 0.4.
+
+    Args:
+        problem: the problem.
+        values: of the parameters.
+        random: generator.
+    """
+    p = parameters(problem, values)
+    first, last, _ = ends(problem, p)
+    layers = _layers(problem)
+    path = _path(first, last, len(layers))
+    low, high = problem.limits(Where.ALONG, problem.system.x)
+    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    for i in layers[-1] if layers else []:
+        reach = high[i] - low[i] if np.isfinite(high[i] - low[i]) else _room(problem, path, i)
+        bump = np.zeros(SMOOTH_PLACES)
+        for order in (2, 4):  # one or two humps, with value and slope zero at both ends
+            bump += random.uniform(-0.5, 0.5) * np.sin(np.pi * share) ** 2 * np.cos((order - 2) * np.pi * share / 2.0)
+        path[:, i] = np.clip(path[:, i] + reach * bump, low[i], high[i])
+    factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
+    duration = smooth(problem, values).duration * float(factor)
+    guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_PLACES))
+    controls = problem.limits(Where.ALONG, problem.system.u)
+    u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
+    return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
+
+
+def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
+    """Return the function that says whether a guess keeps all limits along the motion."""
+    system = problem.system
+    limited = [c for c in problem.subject_to if c.where is Where.ALONG]
+    low, high = (np.concatenate([getattr(c, side) for c in limited])[:, None] for side in ("lower", "upper"))
+    function = ca.Function("limited", [system.x, system.u, system.p], [ca.vertcat(*(c.expression for c in limited))])
+    every = function.map(SMOOTH_PLACES)
+
+    def kept(guess: Guess) -> bool:
+        values = np.array(every(guess.x.T, guess.u.T, ca.repmat(p, 1, SMOOTH_PLACES)))
+        return bool(np.all((values >= low) & (values <= high)))
+
+    return kept
+
+
+def _room(problem: Problem, path: Array, state: int) -> float:
+    """Return how far a state without limits may stray: a radian, or as far as others of its unit move."""
+    units = [label.unit for label in problem.system.label("x", path.shape[1])]
+    alike = [float(np.ptp(path[:, i])) for i, unit in enumerate(units) if unit == units[state]]
+    own = float(np.ptp(path[:, state]))
+    return own + (1.0 if units[state] in ("rad", "") else max(alike))
+
+
+def _use(u: Array, low: Array, high: Array) -> float:
+    """Return the largest share of its range that a control uses, 1 for a control at its limit."""
+    both = np.isfinite(low) & np.isfinite(high) & (high > low)
+    if not both.any() or not np.all(np.isfinite(u)):
+        return 0.0 if np.all(np.isfinite(u)) else np.inf
+    middle, half = (low[both] + high[both]) / 2.0, (high[both] - low[both]) / 2.0
+    return float(np.max(np.abs(u[:, both] - middle) / half))
+
+
+def _duration(problem: Problem) -> float:
+    horizon = problem.horizon
+    if isinstance(horizon, Fixed):
+        return horizon.duration
+    return float(np.clip(horizon.guess, horizon.lower, horizon.upper))
+
+
+def _layers(problem: Problem) -> list[Array]:
+    """Return the states by the number of integrations that lie between the controls and them, nearest first."""
+    system = problem.system
+    by_u = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.u), 1.0).full(), dtype=bool)
+    by_x = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.x), 1.0).full(), dtype=bool)
+    left = np.ones(system.x.numel(), dtype=bool)
+    reached = by_u.any(axis=1) if by_u.size else np.zeros(len(left), dtype=bool)
+    layers = []
+    while reached.any():
+        layers.append(np.flatnonzero(reached))
+        left &= ~reached
+        reached = left & by_x[:, layers[-1]].any(axis=1)
+    return layers
+
+
+def _drifted(path: Array, ends: tuple[Array, Array], duration: float) -> Array:
+    """Return a path with the slopes that its ends have by themselves, rates (nx,) at the first and last state."""
+    s = np.linspace(0.0, 1.0, len(path))[:, None]
+    leaving, arriving = s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5, -4.0 * s**3 + 7.0 * s**4 - 3.0 * s**5
+    return np.asarray(path + duration * (leaving * ends[0] + arriving * ends[1]))
+
+
+def _path(first: Array, last: Array, layers: int) -> Array:
+    """Return a path (K, nx) between two states: a quintic, or a septic for more than two integrations."""
+    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    if layers > 2:
+        step = share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
+    else:
+        step = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return np.asarray(first + step[:, None] * (last - first))
+
+
+def _follow(
+    problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
+) -> Guess:
+    """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
+    system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
+    still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
+    held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
+    begun, _, _ = function(x.T, *held)
+    speeds = np.nan_to_num(np.array(begun).T[[0, -1]])
+    if layers:
+        x[:, layers[-1]] = _drifted(x[:, layers[-1]], (speeds[0, layers[-1]], speeds[1, layers[-1]]), duration)
+    for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
+        rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
+        for _ in range(ITERATIONS):
+            f, slope, _ = function(x.T, *held)
+            short = rates - np.array(f).T[:, known]
+            size = np.max(np.abs(rates), axis=0) + np.max(np.abs(np.array(f).T[:, known]), axis=0)
+            # Differences of what rests are rounding.
+            if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
+                break
+            blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
+            blocks = blocks[:, known[:, None], wanted]
+            if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))):
+                break
+            x[:, wanted] += _least_squares(blocks, short)
+    rates = np.gradient(x, share * duration, axis=0, edge_order=2)
+    return Guess(share, x, _balance(problem, x, rates, p, function, clip=False), duration, np.zeros(0))
+
+
+def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Function, clip: bool = True) -> Array:
+    system, count = problem.system, len(x)
+    low, high = problem.limits(Where.ALONG, system.u)
+    u0 = np.clip(np.zeros(len(low)), low, high)
+    f, _, b = function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count))
+    missing, blocks = rates - np.array(f).T, np.array(b).T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
+    usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
+    u = np.tile(u0, (count, 1))
+    if len(u0) and usable.any():
+        u[usable] += _least_squares(blocks[usable], missing[usable])
+    return np.clip(u, low, high) if clip else u
+
+
+def _least_squares(matrices: Array, right: Array) -> Array:
+    """Return the least-squares solutions (K, n) of stacks of systems (K, m, n), (K, m)."""
+    size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
+    size = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)
+
+
+def _interpolate(share: Array, places_: Array, values: Array) -> Array:
+    columns = [np.interp(share, places_, column) for column in values.T]
+    return np.stack(columns, axis=-1) if columns else np.zeros((*np.shape(share), 0))

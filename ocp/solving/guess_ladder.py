@@ -1,0 +1,215 @@
+"""A ladder of first guesses: rungs are tried until one of them leads to a solution."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ocp import checks
+from ocp.problem.constraints import Constraint, Where, simple
+from ocp.problem.problem import Bolza, Fixed, Free, Problem
+from ocp.problem.sequence import Sequence
+from ocp.solution.solution import Status
+from ocp.solving.first_guesses import Guess, smooth, straight_line
+from ocp.solving.starts import Outcome, as_guesses, chain, parameter_values, phases_of
+from ocp.transcription.grid import Grid
+
+if TYPE_CHECKING:
+    from ocp.solving.solver import Prepared
+
+Values = Mapping[str, float] | None
+PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
+ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # for the shortest motion that a failed solve is compared with
+
+
+class Rung(Protocol):
+    """Something that makes a guess for a prepared programme."""
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return one guess for each phase and whether it is near a solution; None if there is none to give."""
+        ...
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A smooth motion between the ends, states and controls by the system's own equations (`ocp.smooth`)."""
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool]:
+        """Return the guess of every phase; the scaling may have needed it already."""
+        numbers = parameter_values(prepared.problem, values)
+        if prepared.first is not None and prepared.first[0] is prepared.problem and prepared.first[1] == numbers:
+            return prepared.first[2], False
+        return chain(prepared.problem, numbers, smooth), False
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """The straight line between the ends, controls that balance the system (`ocp.straight_line`)."""
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool]:
+        """Return the guess of every phase."""
+        return chain(prepared.problem, parameter_values(prepared.problem, values), straight_line), False
+
+
+@dataclass(frozen=True)
+class CoarseGrid:
+    """The solution on a grid with `factor` times fewer elements, at least three."""
+
+    factor: int = 5
+
+    def __post_init__(self) -> None:
+        checks.whole("CoarseGrid: factor", self.factor, 2)
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return the coarse solution, or None if it fails."""
+        programme = prepared.compound.programmes[0]
+        ends = programme.grid.ends
+        places = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
+        if len(places) >= len(ends):
+            return None
+        coarse = prepared.on(prepared.problem, Grid(ends[places]), prepared.settings, values)
+        found = coarse((Smooth(), StraightLine()), values)
+        return (as_guesses(prepared.problem, found), True) if found.ok else None
+
+
+@dataclass(frozen=True)
+class WiderLimits:
+    """Homotopy: limits of the controls several times as wide, then narrowed, each solved from the last."""
+
+    factors: tuple[float, ...] = (8.0, 3.0, 1.5)
+
+    def __post_init__(self) -> None:
+        wanted = "numbers >= 1, the widest first"
+        checks.instance("WiderLimits: factors", self.factors, tuple | list, wanted)
+        if not np.all(checks.column("WiderLimits: factors", self.factors, expected=wanted) >= 1.0):
+            raise checks.refused("WiderLimits: factors", self.factors, wanted)
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return the solution with the last wider limits, or None if none of them is solved."""
+        found: Any = None
+        for factor in self.factors:
+            widened = _with_limits(prepared.problem, factor)
+            start: Any = found if found is not None and found.ok else (Smooth(), StraightLine())
+            again = prepared(start, values, widened)
+            found = again if again.ok else found
+        return (as_guesses(prepared.problem, found), True) if found is not None and found.ok else None
+
+
+@dataclass(frozen=True)
+class ParameterPath:
+    """Homotopy: a parameter runs from a value that is easy to its own, each step solved from the last.
+
+    Args:
+        name: of the parameter, such as "gravity.g"; it must be one that stays a symbol.
+        easy: value to begin with.
+        steps: number of steps.
+    """
+
+    name: str
+    easy: float = 0.0
+    steps: int = 4
+
+    def __post_init__(self) -> None:
+        checks.text("ParameterPath: name", self.name, "the name of a parameter")
+        checks.number("ParameterPath: easy", self.easy)
+        checks.whole("ParameterPath: steps", self.steps, 1)
+
+    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return the solution one step before the parameter's own value, or None if a step fails."""
+        own = {name: value for phase in phases_of(prepared.problem) for name, value in phase.system.nominal.items()}
+        if self.name not in own:
+            raise ValueError(f"ParameterPath: no parameter {self.name!r}; there are {', '.join(own) or 'none'}")
+        target = float((values or {}).get(self.name, own[self.name]))
+        found: Any = None
+        for step in range(self.steps):
+            value = self.easy + (target - self.easy) * step / self.steps
+            found = prepared(found or (Smooth(), StraightLine()), {**(values or {}), self.name: value})
+            if not found.ok:
+                return None
+        return as_guesses(prepared.problem, found), True
+
+
+DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), WiderLimits())
+
+
+def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcome:
+    """Try rungs in order until one is solved; else return the attempt that violates its constraints least.
+
+    Args:
+        prepared: the programme.
+        rungs: in order.
+        values: of parameters, by name.
+    """
+    numbers = parameter_values(prepared.problem, values)
+    best: Outcome | None = None
+    tried: list[str] = []
+    begun = time.perf_counter()
+    for rung in rungs:
+        if tried and rungs is DEFAULT and time.perf_counter() - begun > PATIENCE:
+            break
+        started = time.perf_counter()
+        made = rung(prepared, values)
+        if made is None:
+            continue
+        guesses, warm = made
+        seconds = time.perf_counter() - started
+        found = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
+        tried.append(type(rung).__name__)
+        if found.ok:
+            return found
+        if best is None or _infeasibility(found) < _infeasibility(best):
+            best = found
+        if found.solver_status == "not started" and found.status is Status.INFEASIBLE:
+            return found
+        if found.status in (Status.STOPPED, Status.UNBOUNDED):
+            return found
+    if best is None:
+        guesses = chain(prepared.problem, numbers, straight_line)
+        return prepared.attempt(guesses, numbers, rung="StraightLine")
+    advice = _shortest(prepared, values) if isinstance(prepared.problem, Problem) else ""
+    return replace(best, message=f"{best.message}{advice} (guesses tried: {', '.join(tried)})")
+
+
+def _shortest(prepared: Prepared, values: Values) -> str:
+    """Return, for a fixed duration that is too short, what the shortest motion within the same limits takes."""
+    problem, programme = prepared.problem, prepared.compound.programmes[0]
+    if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
+        return ""
+    asked = problem.horizon.duration
+    limits = np.concatenate(problem.limits(Where.ALONG, problem.system.u))
+    if not np.all(np.isfinite(limits)):
+        return ""  # nothing keeps the motion from being arbitrarily short
+    brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
+    fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
+    found = prepared.on(fastest, programme.grid, brief, values)((Smooth(),), values)
+    if not found.ok or found.duration <= asked:
+        return ""
+    return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"
+
+
+def _infeasibility(outcome: Outcome) -> float:
+    log = outcome.phases[0].log if hasattr(outcome, "phases") else outcome.log
+    column = log.get("inf_pr", [])
+    return float(column[-1]) if len(column) else np.inf
+
+
+def _with_limits(problem: Problem | Sequence, factor: float) -> Problem | Sequence:
+    if isinstance(problem, Sequence):
+        return Sequence([_widened(phase, factor) for phase in problem.problems], problem.links)
+    return _widened(problem, factor)
+
+
+def _widened(problem: Problem, factor: float) -> Problem:
+    def wider(constraint: Constraint) -> Constraint:
+        if constraint.where is not Where.ALONG or not simple(constraint, problem.system.u):
+            return constraint
+        middle, low, high = np.zeros(len(constraint.lower)), constraint.lower, constraint.upper
+        both = np.isfinite(low) & np.isfinite(high)
+        middle[both] = (low[both] + high[both]) / 2.0
+        return replace(constraint, lower=middle + factor * (low - middle), upper=middle + factor * (high - middle))
+
+    return replace(problem, subject_to=tuple(wider(c) for c in problem.subject_to))

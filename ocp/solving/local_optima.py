@@ -1,0 +1,170 @@
+"""Local optima: many starts, the distinct motions they lead to, and how often."""
+
+from __future__ import annotations
+
+import functools
+import uuid
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ocp import checks
+from ocp.problem.problem import Problem
+from ocp.solution.solution import Solution
+from ocp.solving.first_guesses import scattered, smooth
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.solver import Prepared, prepare
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+SAME_COST = 1e-5  # relative
+SAME_MOTION = 1e-2  # of the range of each state, root mean square
+COMPARED = 101  # places at which motions are compared
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A local optimum and how it was found.
+
+    Args:
+        solution: the motion.
+        hits: number of starts that led to it.
+        starts: numbers of those starts; 0 is the smooth motion, the others are scattered around it.
+        seconds: solver time of all its starts together [s].
+    """
+
+    solution: Solution
+    hits: int
+    starts: tuple[int, ...]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What a worker needs; it travels once for each start, and is prepared once in each process."""
+
+    token: str
+    problem: Problem
+    scheme: Scheme | None
+    grid: Grid | None
+    solver: Ipopt
+    values: tuple[tuple[str, float], ...]
+    seed: int
+
+
+def multistart(
+    problem: Problem,
+    starts: int = 20,
+    seed: int = 0,
+    executor: Executor | None = None,
+    scheme: Scheme | None = None,
+    grid: Grid | None = None,
+    solver: Ipopt | None = None,
+    values: Mapping[str, float] | None = None,
+) -> tuple[Optimum, ...]:
+    """Solve from many starts and return the distinct local optima, best first.
+
+    Start k depends on (seed, k) alone, so a result does not depend on the executor or the order of the work. Two
+    solutions are one optimum if their costs agree to 1e-5 and their motions to 1e-2 of the range of each state. The
+    message of the best one says how many optima there are and how many starts failed.
+
+    Args:
+        problem: a Problem.
+        starts: number of starts, >= 1; the first is the smooth motion between the ends.
+        seed: of the scattered starts.
+        executor: any concurrent.futures.Executor; None solves here. Problems travel to processes as functions.
+        scheme: default radau(3).
+        grid: default uniform(50).
+        solver: settings.
+        values: of parameters, by name.
+
+    Returns:
+        The optima; empty if no start was solved.
+
+    Raises:
+        ValueError: starts is not a whole number >= 1, or a wrong parameter name.
+        TypeError: problem is no Problem.
+    """
+    checks.whole("multistart: starts", starts, 1)
+    checks.whole("multistart: seed", seed, 0)
+    checks.instance("multistart: problem", problem, Problem, "a Problem")
+    for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, Ipopt)):
+        checks.instance(f"multistart: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
+    if executor is not None and not callable(getattr(executor, "map", None)):
+        raise TypeError(f"multistart: executor is {checks.shown(executor)}, expected a concurrent.futures.Executor")
+    problem.system.values(values)
+    work = _Work(
+        uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
+    )
+    if executor is None:
+        found = [_solve_start(work, k) for k in range(starts)]
+    else:
+        found = list(executor.map(functools.partial(_solve_start, work), range(starts)))
+    solved = [(k, replace(s, problem=problem)) for k, s in enumerate(found) if s.ok]
+    optima = _distinct(solved)
+    if not optima:
+        return ()
+    told = (
+        f"{optima[0].solution.message}; {len(optima)} local optima from {starts} starts (costs "
+        f"{', '.join(f'{o.solution.cost:.6g} x{o.hits}' for o in optima)}), {starts - len(solved)} starts failed"
+    )
+    best = replace(optima[0], solution=replace(optima[0].solution, message=told))
+    return (best, *optima[1:])
+
+
+def _solve_start(work: _Work, start: int) -> Solution:
+    prepared = _prepared(work)
+    values = dict(work.values)
+    numbers = prepared.numbers(values)
+    if start == 0:
+        guess = smooth(prepared.compound.programmes[0].problem, numbers[0])
+    else:
+        random = np.random.default_rng([work.seed, start])
+        guess = scattered(prepared.compound.programmes[0].problem, numbers[0], random)
+    found: Solution = prepared(guess, values)
+    # Graphs do not travel back; the caller has the problem.
+    return replace(found, problem=None, rung=f"start {start}")
+
+
+_IN_THIS_PROCESS: dict[str, Prepared] = {}
+
+
+def _prepared(work: _Work) -> Prepared:
+    if work.token not in _IN_THIS_PROCESS:
+        _IN_THIS_PROCESS.clear()
+        made = prepare(work.problem, work.scheme, work.grid, work.solver, values=dict(work.values))
+        _IN_THIS_PROCESS[work.token] = made
+    return _IN_THIS_PROCESS[work.token]
+
+
+def _distinct(solved: list[tuple[int, Solution]]) -> tuple[Optimum, ...]:
+    groups: list[list[tuple[int, Solution]]] = []
+    for k, solution in sorted(solved, key=lambda pair: pair[1].cost):
+        for group in groups:
+            if _same(group[0][1], solution):
+                group.append((k, solution))
+                break
+        else:
+            groups.append([(k, solution)])
+    return tuple(
+        Optimum(
+            group[0][1],
+            len(group),
+            tuple(sorted(k for k, _ in group)),
+            sum(s.timings.derivatives + s.timings.solver for _, s in group),
+        )
+        for group in groups
+    )
+
+
+def _same(one: Solution, other: Solution) -> bool:
+    if abs(one.cost - other.cost) > SAME_COST * max(abs(one.cost), abs(other.cost)):
+        return False
+    share = np.linspace(0.0, 1.0, COMPARED)
+    a, b = one.x(share * one.duration), other.x(share * other.duration)
+    most = np.max(np.abs(a), axis=0)
+    size = np.maximum(np.ptp(a, axis=0), np.maximum(1e-6 * most, 1e-9 * np.max(most, initial=0.0)))
+    size = np.where(size > 0.0, size, 1.0)
+    return bool(np.all(np.sqrt(np.mean((a - b) ** 2, axis=0)) <= SAME_MOTION * size))

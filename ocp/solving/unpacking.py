@@ -1,0 +1,45 @@
+"""An answer of the solver becomes the solution of every phase."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Several
+from dataclasses import replace
+
+import numpy as np
+
+from ocp.solution.singularity import touched
+from ocp.solution.solution import Solution, Status, Timings
+from ocp.solving.ipopt import Answer
+from ocp.transcription.nlp import Programme, unpack
+
+
+def solutions_of(
+    answer: Answer, programmes: Several[Programme], values: list[list[float]], timings: Timings, rung: str
+) -> list[Solution]:
+    """Return the solution of every phase; failed where the motion steps over a singularity of its system.
+
+    Args:
+        answer: of all phases together.
+        programmes: of the phases.
+        values: of the parameters of each phase.
+        timings: of the solve.
+        rung: what the guess is called.
+    """
+    sizes = np.cumsum([p.layout.size for p in programmes])[:-1]
+    zs, limits = np.split(answer.z, sizes), np.split(answer.limits, sizes)
+    mus = np.split(answer.multipliers, np.cumsum([p.rows for p in programmes]))
+    found = []
+    for programme, z, mu, held, numbers in zip(programmes, zs, mus, limits, values, strict=False):
+        motion = unpack(programme, z, mu, held, numbers)
+        found.append(
+            Solution(
+                answer.status, answer.status.value, answer.verbatim, motion.duration, answer.cost, motion.states,
+                motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
+                answer.iterations, programme.grid, programme.scheme, programme.problem, rung, answer.log,
+                motion.multipliers,
+            )
+        )  # fmt: skip
+    if answer.status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(found)):
+        # The equations hold at nodes on both sides, and have no meaning between.
+        found = [replace(solution, status=Status.FAILED) for solution in found]
+    return found

@@ -1,0 +1,57 @@
+"""Continuation: the multipliers of a solution become a start for the same problem on another grid or scheme."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ocp.solution.solution import Solution
+from ocp.transcription.nlp import Programme
+
+Array = np.ndarray
+
+
+def multipliers(programme: Programme, solution: Solution) -> tuple[Array, Array]:
+    """Return multipliers of the bounds (nz,) and of the rows (ng,) of a programme, from a solution of its problem.
+
+    Costates are interpolated to the collocation points. Multipliers of limits are densities in time: each element
+    gives what it carries to the elements of the other grid by the share of time that they have in common. Rows of
+    limits on expressions start at zero unless grid and scheme are the same.
+
+    Args:
+        programme: to be solved.
+        solution: of the same problem, on any grid, with any scheme.
+    """
+    layout, scaling, scheme, grid = programme.layout, programme.scaling, programme.scheme, programme.grid
+    limits, rows = np.zeros(layout.size), np.zeros(programme.rows)
+    inside = np.append(np.clip(scheme.points, 1e-9, 1.0 - 1e-9), 1.0 - 1e-9)
+    shares = grid.ends[:-1, None] + grid.widths[:, None] * inside
+    costates = solution.costate((shares * solution.duration).ravel()).reshape(*shares.shape, -1)
+    # rate^T mu = -weight lambda at the points; a last row without rates carries the costate at the end.
+    loads = -scheme.weights[:, None] * costates[:, :-1] * scaling.x
+    mu = np.einsum("ij,kja->kia", np.linalg.pinv(scheme.rate.T), loads)
+    if scheme.name == "legendre":
+        mu[:, -1] = -costates[:, -1] * scaling.x
+    rows[programme.defects] = mu
+    held = solution.multipliers
+    if held is None:
+        return limits, rows
+    common = np.minimum(grid.ends[1:, None], solution.grid.ends[1:]) - np.maximum(
+        grid.ends[:-1, None], solution.grid.ends[:-1]
+    )
+    shared = np.maximum(common, 0.0) / solution.grid.widths
+    for places, scale, own, old in (
+        (layout.control, scaling.u, programme.scheme.control_nodes, held.u),
+        (layout.state[:, 1:], scaling.x, programme.scheme.nodes[1:], held.x[:, 1:]),
+    ):
+        load = np.einsum("kl,la->ka", shared, old.sum(axis=1)) * scale
+        np.add.at(limits, places, np.repeat(load[:, None] / len(own), len(own), axis=1))
+    limits[layout.state[0, 0]] = held.x[0, 0] * scaling.x
+    limits[layout.state[-1, -1]] = held.x[-1, -1] * scaling.x
+    if held.ends.shape == programme.ends.shape:
+        rows[programme.ends] = held.ends
+    if len(held.path) == len(grid) and held.path.shape[1] == sum(r.shape[1] for r in programme.path):
+        column = 0
+        for places in programme.path:
+            rows[places] = held.path[:, column : column + places.shape[1]]
+            column += places.shape[1]
+    return limits, rows

@@ -1,0 +1,1 @@
+"""Parameter studies: many cases of one question, stored, resumed, and computed by any executor."""

@@ -1,0 +1,233 @@
+"""Parameter studies: many cases of one question, stored as they are finished, resumed where they stopped."""
+
+from __future__ import annotations
+
+import functools
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from ocp import checks
+from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence as Phases
+from ocp.solution.solution import Solution
+from ocp.solving.ipopt import Ipopt
+from ocp.studies.content_hash import canonical, digest, versions
+from ocp.studies.default_measures import measures
+from ocp.studies.designs import Case, Design, Product, plain_rows
+from ocp.studies.runner import Progress, carry_out
+from ocp.studies.store import Store
+from ocp.studies.sweeping import check_function
+from ocp.studies.table import StudyTable
+from ocp.studies.warm_start_tree import parents
+from ocp.studies.worker import Work
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+LONG = 100  # cases from which on compiling pays: it takes 0.1 to 0.7 s, and saves 2 ms and more for each
+
+Run = Executor | Callable[[], Executor] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A function over many cases, or a problem over values of its parameters.
+
+    The function takes the values of a case as keyword arguments (a dot in a name may be an underscore) and returns a
+    Problem, which the study solves; or a Solution, a number, or a mapping name -> number. Values that a function does
+    not take are parameters of the problem it returns. A system that stays the same object from case to case, built
+    once outside of the function, lets the study prepare its programme once in each process.
+
+    Every case has an identity: the hash of function (code, and what it names), values, settings and versions. What is
+    stored under it is not computed again; changed settings lead to other identities and never mix with old results.
+
+    Cases form a tree: each starts from its nearest neighbour, by the neighbour's switching structure (polished
+    studies), or else from its motion and multipliers, or else from nothing. The tree depends on the cases alone, so
+    that results do not depend on the executor, nor on interruptions. On a share of the cases (`checked`) the result is
+    compared with a cold start, and the better one kept.
+
+    Args:
+        function: of keyword arguments, or a Problem.
+        over: name -> values (every combination), or a design: Product, Zip, Listed, Random, LatinHypercube, Sobol.
+        store: SQLite file; None keeps the results in the table only.
+        scheme: default radau(3).
+        grid: default uniform(50).
+        solver: settings.
+        polished: whether solutions are polished.
+        neighbours: whether cases start from their neighbours.
+        checked: share of such cases that are solved from nothing as well.
+        measure: of a Solution, returns name -> number; default cost, duration, peak and root mean square of controls.
+        slopes: whether the derivatives of cost and duration by every number of a case are noted as well, from the
+            conditions of optimality, as "d duration / d NAME".
+        compiled: whether the functions of an element are compiled to machine code, where a C compiler is there; None
+            for studies without polish of at least 100 cases, which is when it pays.
+        settings: anything else that results depend on; part of the identity.
+
+    Raises:
+        TypeError, ValueError: wrong input, named.
+    """
+
+    function: Any
+    over: Mapping[str, Sequence[Any]] | Design
+    store: str | os.PathLike[str] | None = None
+    scheme: Scheme | None = None
+    grid: Grid | None = None
+    solver: Ipopt = field(default_factory=lambda: Ipopt(progress=False))
+    polished: bool = False
+    neighbours: bool = True
+    checked: float = 0.05
+    measure: Callable[[Solution], Mapping[str, float]] = measures
+    slopes: bool = False
+    compiled: bool | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.function, Problem | Phases):
+            check_function("Study: function", self.function)
+        if isinstance(self.over, Mapping):
+            object.__setattr__(self, "over", Product(self.over))
+        if not callable(getattr(self.over, "cases", None)):
+            told = checks.shown(self.over)
+            raise TypeError(f"Study: over is {told}, expected name -> values, or a design such as Product, Sobol")
+        if self.store is not None:
+            checks.path("Study: store", self.store)
+        checks.instance("Study: scheme", self.scheme, Scheme | None, "a Scheme such as radau(3), or None")
+        checks.instance("Study: grid", self.grid, Grid | None, "a Grid such as uniform(50), or None")
+        checks.instance("Study: solver", self.solver, Ipopt, "settings of the solver, Ipopt(...)")
+        for name in ("polished", "neighbours", "slopes"):
+            checks.truth(f"Study: {name}", getattr(self, name))
+        checks.instance("Study: compiled", self.compiled, bool | None, "True, False, or None for where it pays")
+        share = "a share between 0 and 1"
+        if checks.number("Study: checked", self.checked, share, at_least=0.0) > 1.0:
+            raise checks.refused("Study: checked", self.checked, share)
+        if not callable(self.measure):
+            raise TypeError(f"Study: measure is {checks.shown(self.measure)}, expected a function of a Solution")
+        checks.mapping("Study: settings", self.settings, "name -> value")
+
+    @cached_property
+    def cases(self) -> tuple[Case, ...]:
+        """The cases, each once, in the order of the design."""
+        assert not isinstance(self.over, Mapping)
+        rows = plain_rows("Study: cases of over", self.over.cases())
+        return tuple({canonical(row): row for row in rows}.values())
+
+    @cached_property
+    def identity(self) -> str:
+        """Hash of everything but the values of the cases."""
+        own = (
+            self.scheme,
+            self.grid,
+            self.solver,
+            self.polished,
+            self.neighbours,
+            self.checked,
+            self.measure,
+            self.slopes,
+        )
+        return digest(self.function, own, dict(self.settings), versions())
+
+    @cached_property
+    def ids(self) -> tuple[str, ...]:
+        """Identity of every case."""
+        return tuple(digest(self.identity, canonical(case)) for case in self.cases)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Where the results come from, in words."""
+        name = getattr(self.function, "__qualname__", type(self.function).__name__)
+        return {
+            "function": f"{getattr(self.function, '__module__', '')}.{name}",
+            "names": list(self.cases[0]),
+            "scheme": repr(self.scheme),
+            "grid": repr(self.grid),
+            "solver": repr(self.solver),
+            "polished": self.polished,
+            "neighbours": self.neighbours,
+            "checked": self.checked,
+            "slopes": self.slopes,
+            "settings": {key: repr(value) for key, value in self.settings.items()},
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+            **versions(),
+        }
+
+    def run(
+        self, executor: Run = None, retry_failed: bool = False, watch: Callable[[Progress], None] | None = None
+    ) -> StudyTable:
+        """Compute what is not stored yet and return the table of all cases.
+
+        A case that fails is stored with its diagnosis; the study goes on. Interrupted at any moment, even killed, it
+        loses the cases in flight only; run again, it goes on. Two processes may run the same study on one store: they
+        share the work.
+
+        Args:
+            executor: any concurrent.futures.Executor, or a function that makes one (then a pool whose process dies is
+                replaced); None computes here.
+            retry_failed: whether cases that failed are tried again, with the whole ladder of guesses.
+            watch: called with the progress after every case.
+
+        Raises:
+            TypeError, ValueError: an argument of the wrong kind, or a design without cases.
+            StoreError: the store cannot be read or written; what was stored is kept.
+            RuntimeError: the executor broke; what was stored is kept.
+        """
+        if executor is not None and not isinstance(executor, Executor) and not callable(executor):
+            told = checks.shown(executor)
+            raise TypeError(f"run: executor is {told}, expected a concurrent.futures.Executor, or what makes one")
+        checks.truth("run: retry_failed", retry_failed)
+        if watch is not None and not callable(watch):
+            raise TypeError(f"run: watch is {checks.shown(watch)}, expected a function of the progress, or None")
+        store = Store(self.store)
+        try:
+            store.begin(self.identity, self.about)
+            work = Work(
+                self.identity, self.function, self._root, self.measure, self.scheme, self.grid, self.solver,
+                self.polished, self.neighbours, self.checked, self.slopes, self._compiled,
+            )  # fmt: skip
+            carry_out(work, self.cases, self.ids, self._parents, store, executor, retry_failed, watch)
+            return self._table(store)
+        finally:
+            if self.store is not None:
+                store.close()
+
+    def table(self) -> StudyTable:
+        """Return the table of what is stored, with gaps where nothing is; nothing is computed or written.
+
+        Raises:
+            StoreError: there is no store, or it cannot be read.
+            ValueError: the study has no store.
+        """
+        if self.store is None:
+            raise ValueError("table: this study has no store; run() returns its table")
+        with Store(self.store, write=False) as store:
+            return self._table(store)
+
+    @cached_property
+    def _parents(self) -> tuple[int | None, ...]:
+        return tuple(parents(self.cases)) if self.neighbours else (None,) * len(self.cases)
+
+    @property
+    def _compiled(self) -> bool:
+        # By the number of cases alone, so that every process and every run decides alike.
+        long = len(self.cases) >= LONG and not (self.polished and self.neighbours)
+        return long if self.compiled is None else self.compiled
+
+    @property
+    def _root(self) -> Case:
+        """The case that the tree begins with."""
+        return self.cases[self._parents.index(None)]
+
+    def _table(self, store: Store) -> StudyTable:
+        known = store.records(self.ids)
+        assert not isinstance(self.over, Mapping)
+        reading = functools.partial(_read, self.store) if self.store is not None else store.solution
+        return StudyTable(self.cases, tuple(known.get(name) for name in self.ids), self.over, reading)
+
+
+def _read(path: str | os.PathLike[str], case: str, name: str) -> bytes | None:
+    with Store(path, write=False) as store:
+        return store.solution(case, name)

@@ -1,0 +1,236 @@
+"""The table of a study: one row for each case, gaps where a case failed or is not computed yet."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import uuid
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ocp import checks
+from ocp.problem.problem import Problem
+from ocp.solution.solution import Solution
+from ocp.solution.storage import decode
+from ocp.studies.case_record import Record
+from ocp.studies.designs import Case, Design, Product
+
+Array = np.ndarray
+WORDS = ("status", "way", "message")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyTable:
+    """What a study found.
+
+    Columns are the names of the cases, then `status`, `way`, `message`, `seconds`, then the results; those of cases
+    that failed or are not computed yet are NaN.
+
+    Args:
+        cases: in the order of the design.
+        records: of the cases; None where nothing is stored.
+        design: of the study.
+        read: (id, name) -> content of a stored solution, or None.
+    """
+
+    cases: tuple[Case, ...]
+    records: tuple[Record | None, ...]
+    design: Design
+    read: Callable[[str, str], bytes | None]
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return (self.row(k) for k in range(len(self)))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the values that make a case."""
+        return tuple(self.cases[0])
+
+    @cached_property
+    def results(self) -> tuple[str, ...]:
+        """Names of the numbers that were found."""
+        return tuple(dict.fromkeys(name for record in self.records if record for name in record.results))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns."""
+        return (*self.axes, *WORDS, "seconds", *(name for name in self.results if name not in self.axes))
+
+    @property
+    def ok(self) -> Array:
+        """(n,) whether each case is solved."""
+        return np.array([record is not None and record.ok for record in self.records])
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Number of each failed case -> its diagnosis."""
+        return {k: record.message for k, record in enumerate(self.records) if record is not None and not record.ok}
+
+    def row(self, number: int) -> dict[str, Any]:
+        """Return all columns of a case.
+
+        Args:
+            number: of the case.
+
+        Raises:
+            ValueError: no such case.
+        """
+        record = self.records[self._number(number)]
+        words = {name: getattr(record, name) if record else "" for name in WORDS}
+        words["status"] = words["status"] or "open"
+        numbers = {name: record.results.get(name, math.nan) if record and record.ok else math.nan
+                   for name in self.results}  # fmt: skip
+        seconds = record.timings.get("total", math.nan) if record else math.nan
+        return {**numbers, **self.cases[number], **words, "seconds": seconds}
+
+    def _number(self, number: object) -> int:
+        return checks.whole("number", number, 0, len(self) - 1, "a case")
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column (n,): numbers, or texts.
+
+        Raises:
+            KeyError: no such column.
+        """
+        checks.text("column", name, "the name of a column")
+        if name not in self.columns:
+            raise KeyError(f"no column {name!r}; there are {', '.join(self.columns)}")
+        return self._columns[name].copy()
+
+    @cached_property
+    def _columns(self) -> dict[str, Array]:
+        rows = list(self)
+        return {name: np.array([row[name] for row in rows]) for name in self.columns}
+
+    def grid(self, name: str) -> Array:
+        """Return a column in the shape of the axes, for a study over every combination.
+
+        Raises:
+            ValueError: the design is no Product.
+            KeyError: no such column.
+        """
+        column = self[name]
+        if not isinstance(self.design, Product) or math.prod(self.design.shape) != len(self):
+            raise ValueError(
+                f"grid: the design is {type(self.design).__name__}, expected a Product without repetitions"
+            )
+        return column.reshape(self.design.shape)
+
+    def solution(self, number: int, problem: Problem | None = None) -> Solution:
+        """Return the stored solution of a case.
+
+        Args:
+            number: of the case.
+            problem: that it solves, if signals by name are wanted.
+
+        Raises:
+            TypeError: problem is none.
+            ValueError: no such case, or nothing is stored for it.
+        """
+        checks.instance("problem", problem, Problem | None, "the Problem it solves, or None")
+        record = self.records[self._number(number)]
+        content = self.read(record.id, "solution") if record else None
+        if content is None or record is None:
+            raise ValueError(f"solution: nothing is stored for case {number}, {self.cases[number]}")
+        return decode(content, problem, f"solution of case {number}, {checks.shown(self.cases[number])}")
+
+    def as_arrays(self) -> dict[str, Array]:
+        """Return column -> array (n,)."""
+        return {name: self[name] for name in self.columns}
+
+    def as_pandas(self) -> Any:
+        """Return the table as a pandas.DataFrame.
+
+        Raises:
+            ImportError: pandas is missing.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ImportError('as_pandas needs pandas: pip install "hamel[tables]"') from None
+        return pandas.DataFrame(list(self), columns=list(self.columns))
+
+    def as_xarray(self) -> Any:
+        """Return the results of a study over every combination as an xarray.Dataset, its axes as coordinates.
+
+        Raises:
+            ImportError: xarray is missing.
+            ValueError: the design is no Product.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError('as_xarray needs xarray: pip install "hamel[tables]"') from None
+        data = {name: (self.axes, self.grid(name)) for name in (*self.results, "seconds", "status", "way")}
+        assert isinstance(self.design, Product)
+        return xarray.Dataset(data, coords={name: list(values) for name, values in self.design.axes.items()})
+
+    def write_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write all columns; an existing file is replaced only when the new one is complete.
+
+        Raises:
+            TypeError, ValueError: no path of a file.
+            OSError: the file cannot be written.
+        """
+        target = checks.path("path", path)
+        text = io.StringIO()
+        writer = csv.writer(text)
+        writer.writerow(self.columns)
+        for row in self:
+            values = [row[name] for name in self.columns]
+            writer.writerow([repr(value) if isinstance(value, float) else value for value in values])
+        _replace(target, text.getvalue().encode())
+
+    def write_parquet(self, path: str | os.PathLike[str]) -> None:
+        """Write all columns as Parquet; an existing file is replaced only when the new one is complete.
+
+        Raises:
+            ImportError: PyArrow is missing.
+            TypeError, ValueError: no path of a file.
+            OSError: the file cannot be written.
+        """
+        target = checks.path("path", path)
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError:
+            raise ImportError('write_parquet needs PyArrow: pip install "hamel[tables]"') from None
+        columns = {name: [row[name] for row in self] for name in self.columns}
+        content = io.BytesIO()
+        pyarrow.parquet.write_table(pyarrow.table(columns), content)
+        _replace(target, content.getvalue())
+
+    def __str__(self) -> str:
+        counts = Counter(record.status if record else "open" for record in self.records)
+        ways = Counter(record.way for record in self.records if record and record.ok)
+        seconds = self["seconds"][self.ok]
+        lines = [f"{len(self)} cases: {', '.join(f'{count} {name}' for name, count in counts.items())}"]
+        lines += [f"  {count:5d}  {way}" for way, count in ways.most_common()]
+        if len(seconds):
+            lines.append(f"seconds for a case: median {np.median(seconds):.3g}, all {np.nansum(seconds):.4g}")
+        lines += [f"case {k} {self.cases[k]}: {text}" for k, text in list(self.failures.items())[:10]]
+        if len(self.failures) > 10:
+            lines.append(f"and {len(self.failures) - 10} more failures")
+        return "\n".join(lines)
+
+
+def _replace(path: Path, content: bytes) -> None:
+    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:8]}.part")
+    try:
+        with part.open("xb") as file:
+            file.write(content)
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

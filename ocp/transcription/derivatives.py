@@ -1,0 +1,175 @@
+"""Assembly: small derivatives of local functions become the sparse ones of a programme."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.numerics.compilation import Compilation, Compile
+from ocp.transcription.sparse import Entries, sparse_matrix
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """A function of few unknowns w that stands at many places: rows and cost = linear w + sum_j outer_j v(inner_j w).
+
+    Only v is differentiated, however often it stands in the sum.
+
+    Args:
+        values: (nv,) expressions v.
+        arguments: (ny,) symbols of v.
+        inputs: symbols of parameters, after the arguments.
+        linear: (m + 1, nw) constant part; the first m results are rows of g, the last one is added to the cost.
+        terms: outer (m + 1, nv) and inner (ny, nw) matrix of every term.
+        places: (nw, copies) of w among the unknowns of the programme, each once in a copy.
+    """
+
+    values: ca.SX
+    arguments: ca.SX
+    inputs: tuple[ca.SX, ...]
+    linear: Array
+    terms: Sequence[tuple[Array, Array]]
+    places: Array
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of one copy."""
+        return len(self.linear) - 1
+
+    @property
+    def copies(self) -> int:
+        """At how many places the function stands."""
+        return int(self.places.shape[1])
+
+    def derived(self) -> Derived:
+        """Return results, slopes and curvature as expressions in w."""
+        w, lam = ca.SX.sym("w", len(self.places)), ca.SX.sym("lam", len(self.linear))
+        if self.values.is_zero():
+            constant = _sparse(self.linear)
+            none = ca.SX(len(self.places), len(self.places))
+            return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), none)
+        mu = ca.SX.sym("mu", self.values.numel())
+        curvature = ca.hessian(ca.dot(mu, self.values), self.arguments)[0]
+        given = [self.arguments, *self.inputs]
+        first = ca.Function("v", given, ca.cse([self.values, ca.jacobian(self.values, self.arguments)]))
+        second = ca.Function("h", [*given, mu], ca.cse([curvature]))
+        linear = _sparse(self.linear)
+        results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.places), len(self.places))
+        for outer, inner in ((_sparse(one), _sparse(other)) for one, other in self.terms):
+            value, slope = first(inner @ w, *self.inputs)
+            results += outer @ value
+            slopes += outer @ slope @ inner
+            upper += inner.T @ second(inner @ w, *self.inputs, outer.T @ lam) @ inner
+        return Derived(w, lam, ca.densify(results), slopes, ca.triu(upper))
+
+    @property
+    def empty(self) -> bool:
+        """Whether it has neither rows nor a cost."""
+        return not self.rows and self.values.is_zero() and not self.linear.any()
+
+    def everywhere(self, pattern: ca.Sparsity) -> tuple[Array, Array]:
+        """Return the numbers of rows and the places of columns of the entries of a local matrix, for all copies."""
+        row, column = (np.array(part, dtype=np.int64) for part in pattern.get_triplet())
+        return (row + pattern.size1() * np.arange(self.copies)[:, None]).ravel(), self.places[column].T.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """Expressions of a local function and its derivatives."""
+
+    w: ca.SX  # (nw,) unknowns
+    lam: ca.SX  # (m + 1,) multipliers of the results
+    results: ca.SX  # (m + 1,)
+    slopes: ca.SX  # (m + 1, nw) sparse
+    upper: ca.SX  # (nw, nw) upper triangle of the Hessian of lam . results, sparse
+
+    def functions(self, inputs: tuple[ca.SX, ...], number: int) -> dict[str, ca.Function]:
+        """Return those that a programme calls, of w and the inputs; none for what is not there.
+
+        IPOPT asks for cost and rows one by one, so they and their slopes are functions of their own.
+        """
+        given, rows, cost = [self.w, *inputs], self.results[:-1], self.results[-1]
+        slope, steepest = _nonzeros(self.slopes[:-1, :]), _nonzeros(self.slopes[-1, :])
+        parts: dict[str, tuple[list[ca.SX], list[ca.SX]]] = {}
+        if rows.numel():
+            parts |= {"rows": (given, [rows]), "slopes": (given, [rows, slope])}
+        if not cost.is_zero():
+            parts |= {"cost": (given, [cost]), "gradient": (given, [cost, steepest])}
+        if self.upper.nnz():
+            parts["curvature"] = ([*given, self.lam], [_nonzeros(self.upper)])
+        return {part: ca.Function(f"{part}_{number}", *both) for part, both in parts.items()}
+
+
+def assemble(
+    blocks: Sequence[tuple[Local, Sequence[ca.MX]]], z: ca.MX, s: ca.MX, translate: Compile | None = None
+) -> tuple[dict[str, ca.MX], dict[str, ca.Function], Compilation | None]:
+    """Return cost, rows and their derivative functions of a programme made of local functions.
+
+    Args:
+        blocks: local functions in the order of their rows, each with its inputs (one column for each copy).
+        z: (nz,) unknowns.
+        s: parameters of the programme.
+        translate: makes compiled functions of those that stand at more than one place; its answer is returned as well.
+    """
+    blocks = [(local, inputs) for local, inputs in blocks if not local.empty]
+    starts = np.cumsum([0, *(local.rows * local.copies for local, _ in blocks)]).tolist()
+    size, count = z.numel(), starts[-1]
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
+    multipliers = ca.vertsplit(lam_g, starts)
+    f, f_again, g, g_again = ca.MX(0), ca.MX(0), [ca.MX(0, 1)], [ca.MX(0, 1)]
+    gradient, jacobian, hessian = list[Entries](), list[Entries](), list[Entries]()
+    derived = [local.derived() for local, _ in blocks]
+    functions = [
+        here.functions(local.inputs, k) for k, ((local, _), here) in enumerate(zip(blocks, derived, strict=True))
+    ]
+    compilation = None
+    if translate is not None:
+        repeated = [(k, part) for k, (local, _) in enumerate(blocks) if local.copies > 1 for part in functions[k]]
+        compilation = translate([functions[k][part] for k, part in repeated])
+        for (k, part), function in zip(repeated, compilation.functions, strict=True):
+            functions[k][part] = function
+    for k, (local, inputs) in enumerate(blocks):
+        here, mapped = derived[k], {part: function.map(local.copies) for part, function in functions[k].items()}
+        at = [ca.reshape(z[local.places.T.ravel().tolist()], *local.places.shape), *inputs]
+        if "rows" in mapped:
+            value, nonzeros = mapped["slopes"](*at)
+            g.append(ca.vec(mapped["rows"](*at)))
+            g_again.append(ca.vec(value))
+            row, column = local.everywhere(here.slopes[:-1, :].sparsity())
+            jacobian.append((starts[k] + row, column, ca.vec(nonzeros)))
+        if "cost" in mapped:
+            value, nonzeros = mapped["gradient"](*at)
+            f += ca.sum2(mapped["cost"](*at))
+            f_again += ca.sum2(value)
+            row, column = local.everywhere(here.slopes[-1, :].sparsity())
+            gradient.append((column, np.zeros_like(row), ca.vec(nonzeros)))
+        if "curvature" in mapped:
+            lam = ca.vertcat(ca.reshape(multipliers[k], local.rows, local.copies), ca.repmat(lam_f, 1, local.copies))
+            nonzeros = mapped["curvature"](*at, lam)
+            one, other = (local.places[list(part)].T.ravel() for part in here.upper.sparsity().get_triplet())
+            hessian.append((np.minimum(one, other), np.maximum(one, other), ca.vec(nonzeros)))
+    g_slopes = [ca.vertcat(*g_again), sparse_matrix(jacobian, (count, size))]
+    f_slopes = [f_again, ca.densify(sparse_matrix(gradient, (size, 1)))]
+    curvature = [sparse_matrix(hessian, (size, size))]
+    derivatives = {
+        "jac_g": ca.Function("nlp_jac_g", [z, s], g_slopes, ["x", "p"], ["g", "jac_g_x"]),
+        "grad_f": ca.Function("nlp_grad_f", [z, s], f_slopes, ["x", "p"], ["f", "grad_f_x"]),
+        "hess_lag": ca.Function(
+            "nlp_hess_l", [z, s, lam_f, lam_g], curvature, ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+        ),
+    }
+    return {"x": z, "p": s, "f": f, "g": ca.vertcat(*g)}, derivatives, compilation
+
+
+def _nonzeros(matrix: ca.SX) -> ca.SX:
+    return ca.SX(matrix.nz[:]) if matrix.nnz() else ca.SX(0, 1)
+
+
+def _sparse(matrix: Array) -> ca.DM:
+    row, column = np.nonzero(matrix)
+    return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(matrix[row, column].tolist()), *matrix.shape)

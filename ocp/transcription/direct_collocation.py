@@ -1,0 +1,291 @@
+"""Direct collocation: a problem on a grid becomes a sparse programme with its derivatives.
+
+One function stands for an element (defects, path constraints, running cost), one for both ends of the motion. Each is
+differentiated once (SX, cse), mapped and scattered into the large sparse matrices: the symbolic work does not depend
+on the grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from ocp.numerics.compilation import Compile
+from ocp.problem.constraints import Where, simple
+from ocp.problem.problem import Fixed, Problem
+from ocp.transcription.arc_division import Condition, Division, Near
+from ocp.transcription.derivatives import Local, assemble
+from ocp.transcription.grid import Grid
+from ocp.transcription.layout import Layout, lay_out
+from ocp.transcription.nlp import Programme
+from ocp.transcription.scaling import Scaling
+from ocp.transcription.schemes.scheme import Control, Scheme
+
+Array = np.ndarray
+
+
+def transcribe(
+    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None,
+    translate: Compile | None = None,
+) -> Programme:  # fmt: skip
+    """Return the programme of a problem on a grid.
+
+    Args:
+        problem: what to solve.
+        scheme: from radau, legendre, lobatto.
+        grid: of [0, 1].
+        scaling: magnitudes of the unknowns.
+        division: into arcs with durations of their own (the horizon must be Free); None for one arc.
+        translate: makes compiled functions of those of an element; None for none.
+    """
+    system, n = problem.system, len(grid)
+    nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
+    division = Division(np.zeros(n, dtype=int)) if division is None else division
+    free = free_parameters(problem)
+    fixed = int(isinstance(problem.horizon, Fixed))
+    layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
+    path_parts, ends_parts = _parts(problem, scheme)
+    tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
+    held = list(zip(path_parts, tau, strict=True))
+    symbols = _symbols(problem, layout, free, scaling)
+    element = _element(problem, scheme, layout, symbols, path_parts, tau, division.arc)
+    ends = _ends(problem, scheme, layout, symbols, ends_parts)
+
+    s = ca.MX.sym("s", np_ + fixed + n)
+    p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
+    sizes = [
+        np.concatenate([np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.size(*k)) for k, t in held)]),
+        np.array([scaling.size(i, c) for i, c, _ in ends_parts]),
+    ]
+    blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
+    for condition in division.conditions:
+        local = _chosen(problem, scheme, layout, symbols, condition, division.arc)
+        blocks.append((local, [ca.repmat(p, 1, local.copies)]))
+        sizes.append(np.ones(local.rows))
+    for near in division.near:
+        reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
+        blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
+        sizes.append(np.zeros(0))
+    if division.total:
+        blocks.append((_total(layout, scaling), []))
+        sizes.append(np.full(1, scaling.horizon))
+    nlp, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
+    rows = np.arange(n * element.rows).reshape(n, -1)
+    defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
+    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
+    chosen = tuple(
+        first + np.arange(c.rows).reshape(len(c.elements), len(c.tau), -1)
+        for first, c in zip(counts[1:], division.conditions, strict=False)
+    )
+    return Programme(
+        problem, scheme, grid, scaling, layout, free, nlp, derivatives,
+        defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
+        chosen, counts[-1] + np.arange(int(division.total)), compilation,
+        np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    """Symbols that all places share: unknowns of the whole motion, and parameters."""
+
+    shared: ca.SX  # duration (if it is an unknown) and free parameters, scaled
+    p: ca.SX  # (np,) parameters
+    given: ca.SX  # fixed duration, or empty
+    duration: ca.SX  # [s]
+    parameters: ca.SX  # (np,) with the free ones replaced by unknowns
+    scaling: Scaling
+
+    def physical(self, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return state, control and parameters from the scaled state and control of a place."""
+        return x * self.scaling.x, u * self.scaling.u, self.parameters
+
+
+def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) -> _Symbols:
+    fixed = int(isinstance(problem.horizon, Fixed))
+    shared = ca.SX.sym("shared", 1 - fixed + len(free))
+    p, given = ca.SX.sym("p", problem.system.p.numel()), ca.SX.sym("T", fixed)
+    parameters = ca.SX(p)
+    for place, number in enumerate(free):
+        parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
+    duration = given if fixed else shared[0] * scaling.horizon
+    return _Symbols(shared, p, given, duration, parameters, scaling)
+
+
+def _element(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols,
+    parts: tuple[tuple[int, int], ...], tau: tuple[list[float], ...], arc: Array,
+) -> Local:  # fmt: skip
+    """Return the function of an element: defects point by point, every path constraint at its places, and the cost."""
+    system, (n, m, nx), (c, nu) = problem.system, layout.state.shape, layout.control.shape[1:]
+    path = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k in parts))
+    inside = ca.Function("f", [system.x, system.u, system.p], [system.rate, problem.minimise.running, path])
+    x, u, width = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("h")
+    rate, running, limited = inside(*symbols.physical(x, u))
+    step = width * symbols.duration
+
+    defects, points = len(scheme.rate) * nx, scheme.points.tolist()
+    rows = defects + np.cumsum([0, *(len(held) for held in tau)])
+    shared = symbols.shared.numel()
+    terms = []
+    for t in sorted({*points}.union(*tau)):
+        outer = np.zeros((rows[-1] + 1, nx + 1 + len(parts)))
+        if t in points:
+            outer[:defects, :nx] = np.kron(-scheme.rate[:, [points.index(t)]], np.eye(nx))
+            outer[-1, nx] = scheme.weights[points.index(t)]
+        for k, held in enumerate(tau):
+            if t in held:
+                outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
+        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
+        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+    linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
+    linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
+    return Local(
+        ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
+        (symbols.p, symbols.given, width), linear, terms, _places(layout, np.arange(n), arc),
+    )  # fmt: skip
+
+
+def _places(layout: Layout, elements: Array, arc: Array) -> Array:
+    """Return the places (nw, e) of states, controls, duration and free parameters of elements."""
+    e = len(elements)
+    durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
+    states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
+    return np.vstack([states, controls, durations, np.tile(layout.free[:, None], e)])
+
+
+def _ends(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, parts: tuple[tuple[int, int, Where], ...]
+) -> Local:
+    """Return the function of both ends of the motion: conditions there, the final cost and the price of time."""
+    system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
+    conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
+    there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final])
+    first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
+    (before, _), (after, final) = (there(*symbols.physical(*ca.vertsplit(w, [0, nx, nx + nu]))) for w in (first, last))
+    values = {Where.START: before, Where.END: after, Where.PERIODIC: after - before}
+    rows = [values[where][k] for k, (_, _, where) in enumerate(parts)]
+    cost = final + (0.0 if layout.horizon.size else minimise.time * symbols.duration)
+
+    at = [layout.state[0, 0], layout.control[0].ravel(), layout.state[-1, -1], layout.control[-1].ravel()]
+    # The first element may be the last one as well.
+    places = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
+    number = np.searchsorted(places, np.concatenate([*at, layout.horizon[:1], layout.free]))
+    shared = symbols.shared.numel()
+    inner = _diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
+    linear = np.zeros((len(rows) + 1, len(places)))
+    linear[-1, np.isin(places, layout.horizon)] = minimise.time * symbols.scaling.horizon
+    return Local(
+        ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), linear,
+        [(np.eye(len(rows) + 1), inner @ np.eye(len(places))[number])], places[:, None],
+    )  # fmt: skip
+
+
+def _chosen(
+    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, condition: Condition, arc: Array
+) -> Local:
+    """Return the function of a condition at places of chosen elements."""
+    system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
+    inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
+    x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
+    values = ca.densify(inside(*symbols.physical(x, u))) / condition.size
+    count, shared = values.numel(), symbols.shared.numel()
+    terms = []
+    for j, t in enumerate(condition.tau):
+        outer = np.zeros((count * len(condition.tau) + 1, count))
+        outer[j * count : (j + 1) * count] = np.eye(count)
+        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
+        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+    linear = np.zeros((count * len(condition.tau) + 1, m * nx + c * nu + shared))
+    return Local(
+        values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _places(layout, condition.elements, arc)
+    )
+
+
+def _near(layout: Layout, symbols: _Symbols, near: Near, arc: Array) -> Local:
+    """Return the function of a price for leaving a reference on an element."""
+    (m, nx), (c, nu) = layout.state.shape[1:], layout.control.shape[1:]
+    width, reference = ca.SX.sym("h"), ca.SX.sym("reference", c * len(near.controls))
+    u, shared = ca.SX.sym("u", c * nu), symbols.shared
+    price = ca.SX(0)
+    for j in range(c):
+        own = ca.vertcat(*(u[j * nu + int(i)] * symbols.scaling.u[int(i)] for i in near.controls))
+        aim = reference[j * len(near.controls) : (j + 1) * len(near.controls)]
+        price += near.shares[j] * ca.sumsqr((own - aim) / near.size)
+    value = near.weight / 2.0 * width * symbols.duration * price
+    rest = c * nu + shared.numel()
+    inner = np.hstack([np.zeros((rest, m * nx)), np.eye(rest)])
+    places = _places(layout, near.elements, arc)
+    return Local(
+        value, ca.vertcat(u, shared), (width, reference), np.zeros((1, len(places))), [(np.ones((1, 1)), inner)], places
+    )
+
+
+def _total(layout: Layout, scaling: Scaling) -> Local:
+    """Return the function of the sum of all durations."""
+    none = ca.SX.sym("none")
+    linear = np.zeros((2, len(layout.horizon)))
+    linear[0] = scaling.horizon
+    return Local(ca.SX(1, 1), none, (), linear, [], layout.horizon[:, None])
+
+
+def _control(scheme: Scheme, tau: float, nu: int) -> Array:
+    """Return the matrix that takes the control unknowns of an element to the control at tau."""
+    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
+
+
+def _diagonal(*blocks: Array) -> Array:
+    """Return the matrix with the given blocks on its diagonal."""
+    rows, columns = (np.cumsum([0, *(block.shape[i] for block in blocks)]) for i in (0, 1))
+    whole = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows, columns, strict=False):
+        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return whole
+
+
+def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
+    """Return where a path constraint holds on an element: at its collocation points and at its ends.
+
+    A limit on the state alone is the same on both sides of an end, so the left one is left out; a constant control
+    jumps there, so both sides count; a collocated one is not extrapolated to an end without a point.
+    """
+    points = scheme.points.tolist()
+    jumps = ca.depends_on(expression, u) and scheme.control is not Control.LINEAR
+    if jumps:
+        return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
+    return sorted({*points, 1.0} - {0.0})
+
+
+def free_parameters(problem: Problem) -> Array:
+    """Return the numbers of the parameters that an along(...) makes unknowns."""
+    found = {
+        place
+        for constraint in problem.subject_to
+        if constraint.where is Where.ALONG
+        for place, _ in simple(constraint, problem.system.p)
+    }
+    return np.array(sorted(found), dtype=int)
+
+
+def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
+    """Return the components of constraints that need rows: those that are no bounds of single unknowns."""
+    system = problem.system
+    path: list[tuple[int, int]] = []
+    ends: list[tuple[int, int, Where]] = []
+    for i, constraint in enumerate(problem.subject_to):
+        bounds = ca.vertcat(system.x, system.u, system.p) if constraint.where is Where.ALONG else system.x
+        done = set() if constraint.where is Where.PERIODIC else {c for _, c in simple(constraint, bounds)}
+        for c in range(constraint.expression.numel()):
+            if c in done:
+                continue
+            if constraint.where is not Where.ALONG:
+                ends.append((i, c, constraint.where))
+                continue
+            path.append((i, c))
+            free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
+            if not free and 0.0 not in _path_places(scheme, constraint.expression[c], system.u):
+                # The left ends of elements are left out, and with them the start of the motion.
+                ends.append((i, c, Where.START))
+    return tuple(path), tuple(ends)

@@ -1,0 +1,143 @@
+"""A transcribed problem: its sparse programme, and the way between scaled unknowns and motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from ocp.numerics.compilation import Compilation
+from ocp.problem.constraints import Where
+from ocp.problem.problem import Fixed, Free, Problem
+from ocp.solution.solution import Multipliers
+from ocp.solving.first_guesses import Guess
+from ocp.transcription.grid import Grid
+from ocp.transcription.layout import Layout
+from ocp.transcription.scaling import Scaling
+from ocp.transcription.schemes.scheme import Scheme
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Programme:
+    """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
+
+    The solver sees f divided by scaling.cost and g divided by sizes.
+    """
+
+    problem: Problem
+    scheme: Scheme
+    grid: Grid
+    scaling: Scaling
+    layout: Layout
+    free: Array  # numbers of the parameters that are unknowns
+    nlp: Mapping[str, ca.MX]  # x, p, f, g
+    derivatives: Mapping[str, ca.Function]  # grad_f, jac_g, hess_lag
+    defects: Array  # (N, rows, nx) rows of g
+    path: tuple[Array, ...]  # for each path part (N, places) rows of g
+    ends: Array  # (nb,) rows of g
+    path_parts: tuple[tuple[int, int], ...]  # (constraint, component) of each path row
+    ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
+    conditions: tuple[Array, ...] = ()  # for each condition of a division (elements, places, m) rows of g
+    total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
+    compilation: Compilation | None = None  # of the functions of an element, if asked for
+    sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of g."""
+        return sum(rows.size for rows in (self.defects, *self.path, self.ends, *self.conditions, self.total))
+
+
+def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
+    """Return lower and upper bounds of the scaled unknowns and the rows, (nz,), (nz,), (ng,), (ng,)."""
+    problem, layout, scaling = programme.problem, programme.layout, programme.scaling
+    system = problem.system
+    low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+
+    def tighten(places: Array, lower: Array, upper: Array, scale: Array) -> None:
+        low[places] = np.maximum(low[places], lower / scale)
+        high[places] = np.minimum(high[places], upper / scale)
+
+    tighten(layout.state, *problem.limits(Where.ALONG, system.x), scaling.x)
+    tighten(layout.control, *problem.limits(Where.ALONG, system.u), scaling.u)
+    tighten(layout.state[0, 0], *problem.limits(Where.START, system.x), scaling.x)
+    tighten(layout.state[-1, -1], *problem.limits(Where.END, system.x), scaling.x)
+    if isinstance(problem.horizon, Free):
+        limits = np.array([problem.horizon.lower]), np.array([problem.horizon.upper])
+        tighten(layout.horizon, *limits, np.array([scaling.horizon]))
+    if len(programme.free):
+        lower, upper = problem.limits(Where.ALONG, system.p)
+        tighten(layout.free, lower[programme.free], upper[programme.free], scaling.free)
+    rows_low, rows_high = np.zeros(programme.rows), np.zeros(programme.rows)
+    for place, (i, c) in enumerate(programme.path_parts):
+        constraint = problem.subject_to[i]
+        rows_low[programme.path[place]] = constraint.lower[c]
+        rows_high[programme.path[place]] = constraint.upper[c]
+    for place, (i, c, _) in enumerate(programme.ends_parts):
+        constraint = problem.subject_to[i]
+        rows_low[programme.ends[place]] = constraint.lower[c]
+        rows_high[programme.ends[place]] = constraint.upper[c]
+    return low, high, rows_low, rows_high
+
+
+def pack(programme: Programme, guess: Guess, values: list[float]) -> Array:
+    """Return the scaled unknowns (nz,) of a guess."""
+    layout, scaling, grid, scheme = programme.layout, programme.scaling, programme.grid, programme.scheme
+    z = np.zeros(layout.size)
+    starts, widths = grid.ends[:-1, None], grid.widths[:, None]
+    z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
+    # A constant control stands for the middle of its element, not for its start.
+    places = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
+    z[layout.control] = guess.control(starts + widths * places) / scaling.u
+    z[layout.horizon] = guess.duration / scaling.horizon
+    nominal = np.array([values[number] for number in programme.free])
+    z[layout.free] = (guess.free if len(guess.free) == len(nominal) else nominal) / scaling.free
+    return z
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What scaled unknowns and multipliers stand for, in physical units."""
+
+    duration: float  # [s]
+    states: Array  # (N, m, nx)
+    controls: Array  # (N, c, nu)
+    slopes: Array  # (N, e, nx)
+    costates: Array  # (N, d, nx)
+    multipliers: Multipliers
+    free: Mapping[str, float]
+    values: Mapping[str, float]
+
+
+def unpack(programme: Programme, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
+    """Return the motion that scaled unknowns (nz,), multipliers of the rows (ng,) and of bounds (nz,) stand for."""
+    layout, scaling, problem, scheme = programme.layout, programme.scaling, programme.problem, programme.scheme
+    system = problem.system
+    if isinstance(problem.horizon, Fixed):
+        duration = problem.horizon.duration
+    else:
+        duration = float(z[layout.horizon[0]] * scaling.horizon)
+    names = list(system.nominal)
+    found = [float(value) for value in z[layout.free] * scaling.free]
+    free = {names[number]: value for number, value in zip(programme.free, found, strict=True)}
+    everything = {**dict(zip(names, values, strict=True)), **free}
+    states, controls = z[layout.state] * scaling.x, z[layout.control] * scaling.u
+    slopes = np.zeros((len(states), 0, states.shape[2]))
+    if scheme.slope_at_start:
+        rate = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(states))
+        first = np.einsum("m,kma->ak", scheme.control_at(np.zeros(1))[0], controls)
+        parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
+        widths = duration * programme.grid.widths
+        slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
+    # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
+    mu = multipliers[programme.defects]
+    costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
+    path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *programme.path)])
+    held = Multipliers(
+        limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[programme.ends]
+    )
+    return Motion(duration, states, controls, slopes, costates, held, free, everything)

@@ -1,0 +1,214 @@
+"""Magnitudes of unknowns, cost and limits, taken from limits, ranges and the guess of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from ocp.problem.constraints import Constraint, Where, simple
+from ocp.problem.problem import Problem
+from ocp.solving.first_guesses import Guess
+from ocp.system import slopes as slopes_of
+
+Array = np.ndarray
+NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
+COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
+OFFSET, STILL = 1e-5, 1e-12  # share of its value that a moving state is resolved to, and below which it rests
+IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
+LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Unknowns, cost and rows of the programme are physical ones divided by these.
+
+    All are powers of two, so that bounds stay exact.
+    """
+
+    x: Array  # (nx,)
+    u: Array  # (nu,)
+    horizon: float  # [s]
+    free: Array  # (nf,) free parameters
+    cost: float = 1.0
+    limits: tuple[Array, ...] = ()  # of the components of every constraint; empty for ones
+
+    def size(self, constraint: int, component: int) -> float:
+        """Return the magnitude of a limited expression."""
+        return float(self.limits[constraint][component]) if self.limits else 1.0
+
+
+def table(scaling: Scaling, problem: Problem) -> str:
+    """Return the magnitudes in physical units, one line for each unknown.
+
+    Args:
+        scaling: of a programme, such as `prepared.compound.programmes[0].scaling`.
+        problem: that it belongs to.
+    """
+    system = problem.system
+    rows = [("duration", scaling.horizon, "s")]
+    rows += [(label.name, s, label.unit) for label, s in zip(system.label("x", len(scaling.x)), scaling.x, strict=True)]
+    rows += [(label.name, s, label.unit) for label, s in zip(system.label("u", len(scaling.u)), scaling.u, strict=True)]
+    width = max(len(name) for name, _, _ in rows)
+    return "\n".join(f"{name:{width}s}  {size:12.6g} {unit}".rstrip() for name, size, unit in rows)
+
+
+def unscaled(problem: Problem, free: int) -> Scaling:
+    """Return the scaling that leaves every unknown in its physical unit."""
+    system = problem.system
+    return Scaling(np.ones(system.x.numel()), np.ones(system.u.numel()), 1.0, np.ones(free))
+
+
+def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: Array) -> Scaling:
+    """Return the scaling of a problem.
+
+    A control is scaled by its limit; a state by the largest of its limits, its range in the guess and, where neither
+    speaks, what its rate builds up in a quarter of the guessed duration with the controls at their limits. A limit
+    far beyond all that the guess needs is none. The cost is scaled by that of the guess, a limited expression by its
+    limit and by what states and controls make of it. So the programme is the same in every system of units.
+
+    Args:
+        problem: the problem.
+        guess: its first guess.
+        values: of the parameters.
+        free: (nf,) numbers of the parameters that are unknowns.
+    """
+    system = problem.system
+    # A motion that is small beside the values of its states is resolved as far as rounding allows; one at rest has
+    # no size but its place.
+    ranges, value = (np.max(np.abs(x), axis=0, initial=0.0) for x in (guess.x - guess.x[0], guess.x))
+    travelled = np.where(ranges > STILL * value, np.maximum(ranges, OFFSET * value), value)
+    limited = magnitude(problem, system.x)
+    p = ca.DM(list(values))
+    function = slopes_of(system)
+    # Rates at a handful of guessed states with every control at its lower and upper limit.
+    places = guess.x[:: max(1, len(guess.x) // 4)]
+    # A guess may keep a state still by terms that cancel; slightly other states show what its rate is made of.
+    places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
+    nu, count = system.u.numel(), len(places)
+    held = np.zeros((nu, count)), ca.repmat(p, 1, count)
+    slopes = np.abs(
+        np.array(function.map(count)(places.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
+    )
+    slopes[~np.isfinite(slopes)] = 0.0
+    units = [label.unit for label in system.label("x", len(limited))]
+    needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
+    guessed = np.max(np.abs(guess.u), axis=0, initial=0.0)
+    used = _control_size(guessed, needed, slopes)
+    used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
+    most = np.maximum(guessed, _control_size(0.0 * guessed, _largest_alike(travelled, units) / guess.duration, slopes))
+    u = magnitude(problem, system.u)
+    idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
+    u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
+    corners = np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u
+    x_all, u_all = np.repeat(places, len(corners), axis=0), np.tile(corners, (count, 1))
+    built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
+    built[~np.isfinite(built)] = 0.0
+    reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))
+    reached = _without_rounding(reached, units)
+    x = np.where(np.isfinite(limited), np.minimum(limited, IDLE * reached), reached)
+    parameters = np.abs([values[i] for i in free]) if len(free) else np.ones(0)
+    return Scaling(
+        _power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters),
+        float(_power_of_two(_cost_size(problem, guess, p, (x, u)) / COST)),
+        tuple(_power_of_two(_limit_sizes(problem, c, guess, p, (x, u))) for c in problem.subject_to),
+    )  # fmt: skip
+
+
+def common(scalings: Sequence[Scaling]) -> list[Scaling]:
+    """Return the scalings of phases with one size for the sum of their costs."""
+    cost = float(_power_of_two(sum(scaling.cost for scaling in scalings)))
+    return [replace(scaling, cost=cost) for scaling in scalings]
+
+
+def sizes(expression: ca.SX, problem: Problem, guess: Guess, values: Sequence[float], scaling: Scaling) -> Array:
+    """Return the magnitudes (m,) of an expression by those of the states and controls that it depends on."""
+    return _power_of_two(_reach(expression, problem, guess, ca.DM(list(values)), (scaling.x, scaling.u)))
+
+
+def _reach(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> Array:
+    """Return how far an expression goes along a guess when states and controls go as far as they do."""
+    system = problem.system
+    xu = ca.vertcat(system.x, system.u)
+    slope = ca.densify(ca.jacobian(ca.vec(expression), xu))
+    size = np.tile(np.concatenate(corner)[:, None], expression.numel()).T
+    return _largest(ca.sum2(ca.fabs(slope) * size), problem, guess, p)
+
+
+def _largest(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM) -> Array:
+    system, count = problem.system, len(guess.share)
+    function = ca.Function("size", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))]).map(count)
+    found = np.abs(np.array(function(guess.x.T, guess.u.T, ca.repmat(p, 1, count))))
+    found[~np.isfinite(found)] = 0.0
+    return np.asarray(np.max(found, axis=1, initial=0.0))
+
+
+def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> float:
+    """Return the sum of the magnitudes of the parts of the cost, along the guess or with everything at its size."""
+    minimise = problem.minimise
+    timed = abs(minimise.time) * guess.duration
+
+    if minimise.running.is_zero() and minimise.final.is_zero():
+        return timed
+
+    def of(motion: Guess) -> float:
+        found = [_largest(part, problem, motion, p)[0] for part in (minimise.running, minimise.final)]
+        return float(guess.duration * found[0] + found[1])
+
+    x, u = np.vstack([guess.x[0] + corner[0], guess.x[-1] - corner[0]]), np.vstack([corner[1], -corner[1]])
+    wide = Guess(np.array([0.0, 1.0]), x, u, guess.duration, guess.free)
+    return timed + max(of(guess), LEAST_COST * of(wide))
+
+
+def _limit_sizes(
+    problem: Problem, constraint: Constraint, guess: Guess, p: ca.DM, corner: tuple[Array, Array]
+) -> Array:
+    """Return the magnitudes of the components of a constraint."""
+    sides = np.abs(np.stack([constraint.lower, constraint.upper]))
+    limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
+    system = problem.system
+    if len(simple(constraint, ca.vertcat(system.x, system.u, system.p))) == len(limit):
+        return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
+    seen = _reach(constraint.expression, problem, guess, p, corner)
+    return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))
+
+
+def _without_rounding(reached: Array, units: list[str]) -> Array:
+    """Replace sizes that are rounding beside the others by the largest with the same unit, or by one."""
+    least = NEGLIGIBLE * np.max(reached, initial=0.0)
+    same = _largest_alike(reached, units)
+    return np.where(reached > least, reached, np.where(same > least, same, 1.0))
+
+
+def _largest_alike(values: Array, units: list[str]) -> Array:
+    """Return for every value the largest with the same unit."""
+    return np.array([max(v for v, other in zip(values, units, strict=True) if other == unit) for unit in units])
+
+
+def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
+    """Return the size of controls without limits: as guessed, or what moves the states through their ranges in time.
+
+    A guess at rest needs no control, and then what it has is rounding and no magnitude.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moving = needed[None, :, None] / slopes
+    moving[~np.isfinite(moving) | (moving <= 0.0)] = np.inf
+    least = np.min(moving, axis=(0, 1), initial=np.inf)
+    degenerate = np.where(np.isfinite(least), guessed < 1e-6 * least, guessed == 0.0)
+    return np.where(degenerate, np.where(np.isfinite(least), least, 0.0), guessed)
+
+
+def magnitude(problem: Problem, symbols: ca.SX) -> Array:
+    """Return the largest finite limit along the motion of each symbol; inf where there is none."""
+    sides = np.abs(np.stack(problem.limits(Where.ALONG, symbols)))
+    sides[~np.isfinite(sides)] = 0.0
+    largest = np.max(sides, axis=0)
+    return np.where(largest > 0.0, largest, np.inf)
+
+
+def _power_of_two(value: Array | float) -> Array:
+    value = np.asarray(value, dtype=float)
+    sane = np.isfinite(value) & (value > 1e-100) & (value < 1e100)
+    return np.where(sane, 2.0 ** np.round(np.log2(np.where(sane, value, 1.0))), 1.0)

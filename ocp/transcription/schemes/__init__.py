@@ -1,0 +1,1 @@
+"""Collocation schemes, one file for each family."""

@@ -1,0 +1,1 @@
+"""Problems, hand-written references and other tools for the benchmarks."""

@@ -1,0 +1,1 @@
+"""Pictures of solutions, switching structures, studies and torques."""

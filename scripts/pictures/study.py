@@ -1,0 +1,274 @@
+"""Pictures of studies: lines over one axis, contours over two, small multiples over more, and what matters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ocp import StudyTable
+from ocp.studies.main_effects import influences, jumps
+from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, finish, pretty
+
+MOST = 6  # panels of results
+SKIPPED = ("iterations", "cost")
+FOLLOWS = 0.999  # correlation with an axis beyond which a result is not worth a panel, such as a peak at its limit
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A table, the result that is drawn first, and the units of its columns."""
+
+    table: StudyTable
+    result: str
+    units: Mapping[str, str]
+
+    def label(self, name: str) -> str:
+        """Return a column with its unit."""
+        shown = f"{name} [{self.units[name]}]" if self.units.get(name) else name
+        kind, _, rest = shown.partition(" ")
+        return f"{kind} {pretty(rest)}" if kind in ("peak", "rms") else shown
+
+    def shown(self) -> list[str]:
+        """Return the results to draw: the chosen one, then those that vary, and not only with one axis."""
+        table = self.table
+        rest = [name for name in table.results if name != self.result and name not in SKIPPED]
+        axes = [table[name][table.ok] for name in _numeric(table)]
+        found = [self.result]
+        for name in sorted((n for n in rest if not n.startswith("d ")), key=lambda n: n.startswith(("rms", "peak"))):
+            y = table[name][table.ok]
+            varies = np.ptp(y) > 1e-3 * np.max(np.abs(y))
+            if varies and not any(len(axes) > 1 and abs(np.corrcoef(x, y)[0, 1]) > FOLLOWS for x in axes):
+                found.append(name)
+        return found[:MOST]
+
+
+def draw(table: StudyTable, result: str, stem: Path, units: Mapping[str, str]) -> list[Path]:
+    """Draw a study and what its result depends on.
+
+    Args:
+        table: with at least one solved case.
+        result: column that is drawn first.
+        stem: of the files, to which what they show is added.
+        units: of columns, by name.
+
+    Returns:
+        The pictures written.
+    """
+    names = _numeric(table)
+    view = _View(table, result, units)
+    made = []
+    if len(names) == 1 and _is_grid(table, names):
+        made.append(_save(lines(view, names[0]), stem, "lines"))
+    elif len(names) == 2 and _is_grid(table, names):
+        made.append(_save(contours(view, names), stem, "contours"))
+    elif len(names) == 3 and _is_grid(table, names):
+        made.append(_save(multiples(view, names), stem, "multiples"))
+    elif names:
+        made.append(_save(scatter(view, names), stem, "scatter"))
+    if table.ok.sum() > len(names) > 0:
+        made.append(_save(ranking(view), stem, "ranking"))
+    return made
+
+
+def lines(view: _View, axis: str) -> Figure:
+    """Return the picture of results over one axis; gaps where cases failed."""
+    table, result = view.table, view.result
+    shown = view.shown()
+    figure, panels = _panels(len(shown))
+    x = table[axis]
+    order = np.argsort(x)
+    groups = _groups(table, [axis])
+    for axes, name in zip(panels, shown, strict=True):
+        for label, members in groups.items():
+            own = order[members[order]]
+            y = np.where(table.ok[own], table[name][own], np.nan)
+            axes.plot(x[own], y, "-", color=MOTION if len(groups) == 1 else None, linewidth=1.4, label=label)
+            axes.plot(x[own], y, ".", color=MOTION if len(groups) == 1 else axes.lines[-1].get_color(), markersize=5)
+            _slopes(axes, table, axis, name, own)
+        _failed(axes, table, x, None)
+        axes.set_xlabel(view.label(axis))
+        axes.set_ylabel(view.label(name))
+        axes.grid(color=FAINT, alpha=0.3, linewidth=0.6)
+    if len(groups) > 1:
+        panels[0].legend(fontsize=8, frameon=False)
+    _mark_jumps(panels[0], table, [axis], result)
+    return figure
+
+
+def contours(view: _View, names: Sequence[str]) -> Figure:
+    """Return the picture of results over two axes, with the cases and how each was found."""
+    shown = view.shown()
+    figure, panels = _panels(len(shown))
+    for k, (axes, name) in enumerate(zip(panels, shown, strict=True)):
+        _contour(figure, axes, view, np.ones(len(view.table), dtype=bool), names, name, marked=k == 0)
+    _mark_jumps(panels[0], view.table, names, view.result)
+    _legend(figure)
+    return figure
+
+
+def multiples(view: _View, names: Sequence[str]) -> Figure:
+    """Return contours over the two axes with most values, one panel for each value of the third."""
+    table, result = view.table, view.result
+    counts = {name: len(np.unique(table[name])) for name in names}
+    third = min(names, key=lambda name: counts[name])
+    first, second = (name for name in names if name != third)
+    values = np.unique(table[third])
+    figure, panels = _panels(len(values))
+    solved = table[result][table.ok]
+    levels = np.asarray(MaxNLocator(13).tick_values(np.nanmin(solved), np.nanmax(solved)))
+    for axes, value in zip(panels, values, strict=True):
+        _contour(figure, axes, view, table[third] == value, (first, second), result, marked=True, levels=levels)
+        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9)
+    _legend(figure)
+    return figure
+
+
+def scatter(view: _View, names: Sequence[str]) -> Figure:
+    """Return the result over every axis, for cases that lie on no grid."""
+    table, result = view.table, view.result
+    figure, panels = _panels(len(names))
+    for axes, name in zip(panels, names, strict=True):
+        axes.plot(table[name][table.ok], table[result][table.ok], ".", color=MOTION, markersize=5)
+        _failed(axes, table, table[name], None)
+        axes.set_xlabel(view.label(name))
+        axes.set_ylabel(view.label(result))
+        axes.grid(color=FAINT, alpha=0.3, linewidth=0.6)
+    return figure
+
+
+def ranking(view: _View) -> Figure:
+    """Return bars of elasticities and main effects, the strongest on top.
+
+    Raises:
+        ValueError: too few solved cases.
+    """
+    rows = influences(view.table, view.result)[::-1]
+    figure, panels = plt.subplots(1, 2, figsize=(9.0, 1.4 + 0.45 * len(rows)), layout="constrained", sharey=True)
+    columns = (
+        (panels[0], [row.elasticity for row in rows], "elasticity [% per %]"),
+        (panels[1], [row.effect for row in rows], f"main effect on {view.label(view.result)}"),
+    )
+    for axes, values, label in columns:
+        bars = axes.barh([row.axis for row in rows], values, color=[LIMIT if v > 0.0 else MOTION for v in values])
+        axes.bar_label(bars, fmt="%+.3g", padding=3, fontsize=8)
+        axes.axvline(0.0, color="black", linewidth=0.8)
+        axes.margins(x=0.3)
+        axes.set_xlabel(label)
+    return figure
+
+
+def _contour(
+    figure: Figure, axes: Axes, view: _View, members: np.ndarray, names: Sequence[str], result: str,
+    marked: bool, levels: np.ndarray | int = 12,
+) -> None:  # fmt: skip
+    """Draw filled contours with isolines; cases that failed leave a hole."""
+    table = view.table
+    x, y = (np.unique(table[name]) for name in names)
+    z = np.full((len(y), len(x)), np.nan)
+    own = members & table.ok
+    z[np.searchsorted(y, table[names[1]][own]), np.searchsorted(x, table[names[0]][own])] = table[result][own]
+    if np.isfinite(z).sum() >= 4 and np.nanmax(z) > np.nanmin(z):
+        filled = axes.contourf(x, y, np.ma.masked_invalid(z), levels=levels, cmap="viridis")
+        isolines = axes.contour(x, y, np.ma.masked_invalid(z), levels=filled.levels, colors="white", linewidths=0.5)
+        axes.clabel(isolines, np.asarray(filled.levels)[1:-1:2], fontsize=7, fmt="%.4g")
+        figure.colorbar(filled, ax=axes).set_label(view.label(result), fontsize=9)
+    if marked:
+        _cases(axes, table, members, names)
+    axes.set_xlabel(view.label(names[0]))
+    axes.set_ylabel(view.label(names[1]))
+
+
+def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[str]) -> None:
+    """Mark the cases by how they were found."""
+    ways = np.array([way.partition(",")[0] for way in table["way"]])
+    styles = {"cold": ("s", ACCENT), "warm": ("o", "white"), "carried": (".", "black")}
+    for way, (marker, colour) in styles.items():
+        own = members & table.ok & (ways == way)
+        if own.any():
+            places = table[names[0]][own], table[names[1]][own]
+            edge: dict[str, Any] = {"markeredgecolor": "black", "markeredgewidth": 0.4, "clip_on": False, "zorder": 5}
+            axes.plot(*places, marker, color=colour, markersize=3.5, linestyle="", label=way, **edge)
+    bad = members & ~table.ok
+    if bad.any():
+        axes.plot(table[names[0]][bad], table[names[1]][bad], "x", color=LIMIT, markersize=6, label="failed")
+
+
+def _legend(figure: Figure) -> None:
+    """Explain the marks of all panels once, above them."""
+    known = {
+        label: handle for axes in figure.axes for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    if known:
+        figure.legend(
+            known.values(), known.keys(), loc="outside upper left", ncols=len(known), fontsize=8, frameon=False
+        )
+
+
+def _mark_jumps(axes: Axes, table: StudyTable, names: Sequence[str], result: str) -> None:
+    """Mark neighbours that probably lie in different local optima."""
+    for a, b in jumps(table, "cost" if "cost" in table.columns else result):
+        places = [[table.cases[k][name] for k in (a, b)] for name in names]
+        values = table[result][[a, b]]
+        axes.plot(*places, *([values] if len(names) == 1 else []), "-", color=LIMIT, linewidth=2.5)
+
+
+def _slopes(axes: Axes, table: StudyTable, axis: str, name: str, own: np.ndarray) -> None:
+    """Draw derivatives at the optimum as short tangents, where the study has them."""
+    column = f"d {name} / d {axis}"
+    if column not in table.columns or len(own) < 2:
+        return
+    x, y, slope = table[axis][own], table[name][own], table[column][own]
+    reach = 0.3 * np.min(np.diff(np.sort(x)))
+    for x0, y0, s in zip(x, y, slope, strict=True):
+        axes.plot([x0 - reach, x0 + reach], [y0 - s * reach, y0 + s * reach], color=ACCENT, linewidth=2.0, zorder=4)
+
+
+def _failed(axes: Axes, table: StudyTable, x: np.ndarray, y: np.ndarray | None) -> None:
+    """Mark failed cases on the lower edge."""
+    bad = ~table.ok
+    if bad.any():
+        axes.plot(x[bad], np.zeros(bad.sum()), "x", color=LIMIT, transform=axes.get_xaxis_transform(), clip_on=False)
+
+
+def _numeric(table: StudyTable) -> list[str]:
+    return [name for name in table.axes if table[name].dtype.kind in "if" and len(np.unique(table[name])) > 1]
+
+
+def _is_grid(table: StudyTable, names: Sequence[str]) -> bool:
+    """Whether the cases stand on a grid: few values on every axis."""
+    counts = [len(np.unique(table[name])) for name in names]
+    return len(names) == 1 or int(np.prod(counts)) <= len(table)
+
+
+def _groups(table: StudyTable, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return the cases that share everything but the drawn axes."""
+    others = [name for name in table.axes if name not in names and len({repr(c[name]) for c in table.cases}) > 1]
+    labels = np.array([", ".join(f"{name} {case[name]}" for name in others) for case in table.cases])
+    return {label: labels == label for label in dict.fromkeys(labels.tolist())}
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    columns = 2 if count == 4 else min(count, 3)
+    rows = -(-count // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.6 * rows), layout="constrained", squeeze=False)
+    for axes in grid.ravel()[count:]:
+        axes.set_visible(False)
+    return figure, list(grid.ravel()[:count])
+
+
+def _save(figure: Figure, stem: Path, what: str) -> Path:
+    path = stem.with_name(f"{stem.name}_{what}.png")
+    finish(figure, path)
+    return path

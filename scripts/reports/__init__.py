@@ -1,0 +1,1 @@
+"""What the commands print and write: tables, motion files, study files, budgets of effects."""

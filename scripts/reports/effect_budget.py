@@ -1,0 +1,163 @@
+"""What each effect of a scene costs in time, torque, energy and solver seconds, by solving without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pictures.solution import phases
+
+from models import Scene
+from models.mechanics.terms import name_of
+from models.scenes.task import Task
+from ocp import Grid, SequenceSolution, Solution, Status, Timings, radau, solve, verify
+from reports.motion_table import at_points, finite
+
+GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(8)
+TWO_OPTIMA = 1e-3  # relative difference of costs above which two solves have found two optima
+
+
+@dataclass(frozen=True)
+class Row:
+    """One solve: the scene, or the scene without one of its effects."""
+
+    name: str  # of the effect left out, "" for the whole scene
+    status: Status | None  # None if the scene cannot be without the effect
+    verified: bool
+    message: str  # why there is no verified motion, or what else to know
+    duration: float  # t_f [s]
+    peak: tuple[float, ...]  # largest |tau| of every drive [N m or N]
+    work: float  # that the drives deliver, integral of the sum of max(tau v, 0) [J]
+    net: float  # delivered less taken back in braking, integral of tau . v [J]
+    seconds: float  # of the solve from the default guess, set-up included
+    iterations: int
+
+    @property
+    def ok(self) -> bool:
+        """Whether the motion is solved and verified."""
+        return self.verified
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The solve of a scene, and one without each of its effects."""
+
+    drives: tuple[str, ...]  # name and unit of each drive's torque
+    rows: tuple[Row, ...]  # the whole scene first
+
+    def plain(self) -> dict[str, object]:
+        """Return the table as plain data."""
+
+        def of(row: Row) -> dict[str, object]:
+            status = row.status.name if row.status else "NOT POSSIBLE"
+            values = {k: finite(v) if isinstance(v, float) else v for k, v in vars(row).items()}
+            return {**values, "status": status, "peak": [finite(peak) for peak in row.peak]}
+
+        return {"drives": self.drives, "rows": [of(row) for row in self.rows]}
+
+    def __str__(self) -> str:
+        whole = self.rows[0]
+        heads = ["solved", "t_f [s]", "costs [s]", *(f"peak {name}" for name in self.drives)]
+        heads += ["work [J]", "net [J]", "seconds", "rel."]
+        lines, notes = [heads], []
+        for row in self.rows:
+            title = f"without {row.name}" if row.name else "whole scene"
+            if row.message:
+                notes.append(f"{title}: {row.message}")
+            if row.status is None or not row.ok:
+                failed = (
+                    "not possible" if row.status is None else row.status.name.lower().replace("solved", "unverified")
+                )
+                lines.append([f"{title}: {failed}", *[""] * (len(heads) - 1)])
+                continue
+            cost = f"{whole.duration - row.duration:+.5f}" if row.name and whole.ok else ""
+            lines.append([
+                title, f"{row.duration:.5f}", cost, *(f"{peak:.4g}" for peak in row.peak),
+                f"{row.work:.2f}", f"{row.net:.2f}", f"{row.seconds:.2f}", f"{row.seconds / whole.seconds:.2f}",
+            ])  # fmt: skip
+        widths = [max(len(line[k]) for line in lines if line[k] and (k == 0 or line[1])) for k in range(len(heads))]
+        text = [
+            "  ".join(
+                cell.rjust(w) if k else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+            )
+            for line in lines
+        ]
+        foot = (
+            "Every row is a solve of its own, of the scene that never heard of the effect; nothing is linearised.",
+            "costs: t_f of the whole scene minus t_f without the effect; below the error of the grid it says nothing.",
+            "work: what the drives deliver, braking not counted; net: braking counted as recovered. seconds: set-up",
+            "and solve from the default guess.",
+        )
+        return "\n".join([*(line.rstrip() for line in text), *notes, *foot])
+
+
+def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str], None] = lambda _: None) -> Budget:
+    """Return what each effect of a scene costs, by solving the task with each effect left out.
+
+    A time-optimal problem has local optima: each scene is solved from the default guess, and, where the states are
+    the same, from the motion of the whole scene too; the better one counts, and the row says if they differ.
+
+    Args:
+        scene: with its effects.
+        task: of the scene; what it says about signals of an effect goes with the effect.
+        grid: of every leg.
+        progress: is told what is being solved.
+    """
+    labels = scene.system.label("tau", len(scene.machine.coordinates))
+    progress("budget: the whole scene ...")
+    whole, first = _row("", scene, task, grid, None)
+    rows = [whole]
+    for number, effect in enumerate(scene.effects, 1):
+        name = name_of(effect)
+        progress(f"budget: without {name} ({number} of {len(scene.effects)}) ...")
+        try:
+            bare = scene.without(effect)
+            row, _ = _row(name, bare, task.known_to(bare.system), grid, first if whole.ok else None)
+        except (ValueError, KeyError) as error:
+            nothing = (np.nan,) * len(labels)
+            row = Row(name, None, False, str(error), np.nan, nothing, np.nan, np.nan, np.nan, 0)
+        rows.append(row)
+    return Budget(tuple(map(str, labels)), tuple(rows))
+
+
+def _row(
+    name: str, scene: Scene, task: Task, grid: Grid, near: Solution | SequenceSolution | None
+) -> tuple[Row, Solution | SequenceSolution]:
+    problem = task.problem(scene.system)
+    cold = best = solve(problem, scheme=radau(3), grid=grid)
+    message = ""
+    if near is not None and _fits(near, scene):
+        warm = solve(problem, scheme=radau(3), grid=grid, guess=near)
+        if warm.ok and cold.ok and abs(warm.cost - cold.cost) > TWO_OPTIMA * abs(cold.cost):
+            message = f"two local optima, {min(warm.cost, cold.cost):.6g} and {max(warm.cost, cold.cost):.6g}"
+        if warm.ok and (not cold.ok or warm.cost < cold.cost):
+            best = warm
+    report = verify(best)
+    faults = report.failures if best.ok else (best.message,)
+    peak, work, net = _effort(best, scene)
+    timings: Timings = cold.timings
+    row = Row(
+        name, best.status, report.ok, "; ".join([message, *faults]).strip("; "), best.duration, peak, work, net,
+        timings.total, best.iterations,
+    )  # fmt: skip
+    return row, best
+
+
+def _fits(near: Solution | SequenceSolution, scene: Scene) -> bool:
+    leg = phases(near)[0][0]
+    return (leg.states.shape[2], leg.controls.shape[2]) == (scene.system.x.numel(), scene.system.u.numel())
+
+
+def _effort(solution: Solution | SequenceSolution, scene: Scene) -> tuple[tuple[float, ...], float, float]:
+    """Return the largest |tau| of every drive, the work that the drives deliver, and that less what they take back."""
+    places = (GAUSS + 1.0) / 2.0
+    ends = np.concatenate([[0.0], places, [1.0]])
+    peak, work, net = np.zeros(len(scene.machine.coordinates)), 0.0, 0.0
+    for leg in phases(solution)[0]:
+        peak = np.maximum(peak, np.max(np.abs(at_points(leg, scene.system, "tau", ends)), axis=0))
+        power = at_points(leg, scene.system, "tau", places) * at_points(leg, scene.system, "v", places)
+        weights = (leg.duration * leg.grid.widths[:, None] * WEIGHTS / 2.0).ravel()
+        work += float(weights @ np.sum(np.maximum(power, 0.0), axis=1))
+        net += float(weights @ np.sum(power, axis=1))
+    return tuple(map(float, peak)), work, net

@@ -1,0 +1,113 @@
+"""The README runs as printed, and the command of the main job keeps its promises."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ocp import load
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+STORIES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(ROOT / "scripts" / "time_optimal.py"), *arguments]
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MPLCONFIGDIR": tempfile.gettempdir()}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
+
+
+def test_there_are_the_stories_and_effects() -> None:
+    assert len(STORIES) == 6
+
+
+@pytest.mark.parametrize("number", range(len(STORIES)))
+def test_a_story_runs_as_printed(
+    number: int, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    # The module of a dataclass must exist while it is made.
+    names["__name__"] = __name__
+    exec(compile(STORIES[number], f"README story {number}", "exec"), names)
+    printed = capsys.readouterr().out
+    if number == 0:
+        assert "verified" in printed
+        assert "not verified" not in printed
+    if number == 2:
+        assert "15 cases: 15 solved" in printed
+        durations = names["table"].grid("duration")
+        assert np.all(np.diff(durations, axis=0) > 0.0)
+        assert np.all(np.diff(durations, axis=1) < 0.0)
+
+
+def test_the_main_job(tmp_path: Path) -> None:
+    done = run("--output", str(tmp_path), "--json")
+    assert done.returncode == 0, done.stderr
+    account = json.loads(done.stdout)
+    assert account["verified"]
+    assert account["drift"] < 1e-6
+    assert account["torque_difference"] < 1e-8
+    assert account["hamiltonian_value"] == pytest.approx(-1.0, abs=1e-6)
+    with (tmp_path / "time_optimal.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header[:5] == ["t [s]", "theta [rad]", "psi [rad]", "phi [rad]", "r [m]"]
+    assert header[-4:] == ["tau_theta [N m]", "tau_psi [N m]", "tau_phi [N m]", "tau_r [N]"]
+    table = np.array(rows, dtype=float)
+    assert table.shape == (150, 17)
+    # Within the limits, and the columns are derivatives of each other where the motion is smooth.
+    assert np.all(np.abs(table[:, -4:]) <= np.array([260.0, 160.0, 3.0, 400.0]) * (1.0 + 1e-9))
+    solution = load(tmp_path / "time_optimal.npz")
+    np.testing.assert_allclose(solution.x(table[:, 0])[:, :4], table[:, 1:5], atol=1e-9)
+    picture = (tmp_path / "time_optimal.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert len(picture) > 50_000
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"time_optimal.{kind}" for kind in ("csv", "npz", "png")
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["cylindrical", "torus"])
+@pytest.mark.parametrize(("form", "frame"), [("hamel", "paper"), ("lagrange", "ldl"), ("canonical", "udu")])
+def test_other_machines_forms_and_frames(tmp_path: Path, machine: str, form: str, frame: str) -> None:
+    arguments = ("--machine", machine, "--form", form, "--frame", frame, "--nodes", "40", "--output", str(tmp_path))
+    done = run(*arguments, "--quiet")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+
+
+def test_no_solution_is_exit_1_and_a_sentence(tmp_path: Path) -> None:
+    done = run("--machine", "cylindrical", "--limit", "150", "600", "300", "--nodes", "10", "--output", str(tmp_path))
+    assert done.returncode == 1
+    assert "tau_xi cannot hold the start" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--from", "1", "2"), "4 coordinates (theta, psi, phi, r)"),
+        (("--limit", "1", "1", "-1", "1"), "limits > 0"),
+        (("--frame", "arrow"), "it has paper, regular, coordinate, ldl, udu"),
+        (("--nodes", "0"), "expected a whole number >= 1"),
+        (("--machine", "scara"), "invalid choice"),
+        (("--to", "a"), "invalid float"),
+        (("--output", "/proc/nowhere"), "--output"),
+    ],
+)
+def test_wrong_usage_is_exit_2(arguments: tuple[str, ...], words: str) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,301 @@
+"""Sensitivities: exact derivatives, central differences of tight solves, one-sided cases, refusals."""
+
+from dataclasses import replace
+from functools import cache
+from math import sqrt
+
+import casadi as ca
+import numpy as np
+import pytest
+from catalogue import problems
+
+import ocp
+from models import Parameter, spherical
+from models.effects import Gravity, Viscous
+from models.forms import canonical
+from ocp import Fixed, Free, Held, Ipopt, Problem, System, along, end, polish, radau, sensitivity, solve, start, uniform
+from ocp.arcs.arc_nlp import prepare_arcs
+from ocp.arcs.arc_problems import arc_problem
+from ocp.arcs.polishing import SETTINGS
+from ocp.solving.starts import from_solution
+
+TIGHT = Ipopt(tol=1e-12)
+M, LIMIT, WAY = 2.0, 3.0, 0.7
+LEAST = 2.0 * sqrt(M * WAY / LIMIT)
+x, u, m = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("m")
+SWING = System(x, u, m, ca.vertcat(x[1], (u - 5 * ca.sin(x[0]) - x[1] ** 2) / m), {}, {"m": M})
+AXIS = System(x, u, m, ca.vertcat(x[1], u / m), {"q": x[0], "v": x[1], "tau": u}, {"m": M})
+
+
+def fastest(limit=LIMIT, way=WAY, speed=np.inf):
+    """Rest to rest in least time, T = 2 sqrt(m d/u) without a limit of speed."""
+    ends = start(x, 0), end(x, [way, 0])
+    return Problem(AXIS, Free(1.0), ocp.Bolza(time=1.0), (*ends, along(u, -limit, limit), along(x[1], upper=speed)))
+
+
+def cheapest(duration=1.2, way=WAY, highest=np.inf, fast=np.inf, system=AXIS):
+    """Rest to rest with least effort in a given time, the integral of u^2 = 12 (m d)^2/T^3."""
+    ends = start(x, 0), end(x, [way, 0])
+    limits = along(u, upper=highest), along(x[1], upper=fast)
+    return Problem(system, Fixed(duration), ocp.Bolza(running=u**2), (*ends, *limits))
+
+
+@pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
+def test_double_integrator_is_exact(finish):
+    solution = finish(solve(fastest(), solver=TIGHT))
+    found = sensitivity(solution, toward={"limit": fastest(limit=LIMIT + 1), "way": fastest(way=WAY + 1)})
+    exact = {"m": LEAST / (2 * M), "limit": -LEAST / (2 * LIMIT), "way": LEAST / (2 * WAY)}
+    assert found.names == ("m", "limit", "way")
+    assert dict(found.duration) == pytest.approx(exact, rel=1e-11)
+    assert dict(found.cost) == pytest.approx(exact, rel=1e-11)
+    assert (found.notes, set(found.valid.values())) == ((), {(True, True)})
+    t = np.array([0.11, 0.23, 0.31, 0.43]) * solution.duration
+    # x = u t^2/(2 m) and x' = u t/m until the switch; at a share of the duration x = 2 d share^2.
+    late = np.stack([-LIMIT * t**2 / (2 * M**2), -LIMIT * t / M**2], axis=1)
+    np.testing.assert_allclose(found.x(t, Held.TIME)["m"], late, rtol=1e-9)
+    share = t / solution.duration
+    np.testing.assert_allclose(found.signal("q", t)["m"][:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.signal("q", t)["way"][:, 0], 2 * share**2, rtol=1e-10)
+    np.testing.assert_allclose(found.signal(x[0] * m, t)["m"][:, 0], 2 * WAY * share**2, rtol=1e-10)
+    np.testing.assert_allclose(found.u(t)["limit"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found.u(solution.duration * 0.8)["limit"], -1.0, rtol=1e-12)
+    if solution.structure is None:
+        assert found.switching is None
+        with pytest.raises(ValueError, match="polish"):
+            found.switches("u")
+    else:
+        for name, derivative in exact.items():
+            np.testing.assert_allclose(found.switches("u")[name], derivative / 2, rtol=1e-11)
+
+
+def test_prices_of_limits_are_what_the_cost_does():
+    found = sensitivity(polish(solve(fastest(), solver=TIGHT)))
+    price = {(one.name, one.where.value, one.side): one.cost for one in found.limits}
+    assert price["q", "end", "value"] == pytest.approx(LEAST / (2 * WAY), rel=1e-9)
+    # Both limits of the control together are the derivative by their common number, half of it each.
+    assert price["tau", "along", "upper"] == pytest.approx(-LEAST / (4 * LIMIT), rel=1e-9)
+    assert price["tau", "along", "lower"] == pytest.approx(LEAST / (4 * LIMIT), rel=1e-9)
+
+
+LIMITS = np.array([260.0, 160.0, 3.0, 400.0])
+
+
+def moved(problem, far):
+    """Return the constraints with the first number of the end condition moved."""
+    far, parts = np.eye(4)[0] * far, problem.subject_to
+    return tuple(replace(c, lower=c.lower + far, upper=c.upper + far) if c.where.value == "end" else c for c in parts)
+
+
+@cache
+def arm():
+    machine = spherical(m_3=Parameter(15.0), s_2=Parameter(0.3))
+    return canonical(machine, [Gravity(), Viscous(Parameter(0.5))])
+
+
+def reach(more=0.0):
+    """The default task of the spherical machine, the third drive stronger by `more`."""
+    q = [0.15, -3.0, -3.0, 0.6], [2.8, 3.0, 3.0, 1.1]
+    tau = LIMITS + more * np.eye(4)[2]
+    return ocp.point_to_point(arm(), [0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], tau=tau, q=q)
+
+
+@cache
+def reached():
+    solution = solve(reach(), radau(3), uniform(50), TIGHT)
+    assert solution.ok
+    return solution, polish(solution)
+
+
+SIZES = {"m_3": 15.0, "s_2": 0.3, "viscous.c": 0.5, "limit": 3.0}
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_spherical_machine_against_differences_of_solves(name):
+    solution, _ = reached()
+    found = sensitivity(solution, toward={"limit": reach(1.0)})
+    assert found.notes == ()
+    share = np.linspace(0.013, 0.987, 31)
+    step, sides = 1e-5 * SIZES[name], []
+    for sign in (1.0, -1.0):
+        task = reach(sign * step) if name == "limit" else reach()
+        values = dict(solution.values) if name == "limit" else {**solution.values, name: SIZES[name] + sign * step}
+        again = solve(task, radau(3), uniform(50), Ipopt(tol=1e-13), solution, values)
+        assert again.ok
+        t = share * again.duration
+        sides.append((again.duration, again.signal("tau", t), again.signal("v", t)))
+    duration, tau, v = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))
+    t = share * solution.duration
+    assert found.duration[name] == pytest.approx(duration, rel=1e-5)
+    assert found.cost[name] == pytest.approx(duration, rel=1e-5)
+    for signal, difference in (("tau", tau), ("v", v)):
+        mine = found.signal(signal, t)[name]
+        np.testing.assert_allclose(mine, difference, rtol=0, atol=1e-5 * np.max(np.abs(difference)))
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_polished_spherical_machine_against_differences_of_the_same_structure(name):
+    _, best = reached()
+    assert best.structure is not None
+    assert any(row.name == "r" for row in best.structure)  # a limit of a state is held
+    found = sensitivity(best, toward={"limit": reach(1.0)})
+    assert found.notes == ()
+    ends = np.cumsum([arc.duration for arc in best.structure.arcs])
+    arc = np.searchsorted(ends, (best.nodes[:-1] + best.nodes[1:]) / 2)
+    step, sides = 1e-5 * SIZES[name], []
+    for sign in (1.0, -1.0):
+        task = reach(sign * step) if name == "limit" else reach()
+        values = dict(best.values) if name == "limit" else {**best.values, name: SIZES[name] + sign * step}
+        posed, elements = arc_problem(task, best.scheme, values), tuple(np.bincount(arc).tolist())
+        again = prepare_arcs(posed, best.structure.arcs, elements, from_solution(best), replace(SETTINGS, tol=1e-12))
+        motion = again.solve(again.restart(best))
+        assert motion.answer.status is ocp.Status.SOLVED
+        # In this form the drives are the controls; places keep their share of the arc.
+        sides.append((motion.duration, np.cumsum([a.duration for a in motion.arcs])[:-1], motion.controls))
+    duration, switches, tau = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))
+    assert found.duration[name] == pytest.approx(duration, rel=1e-5)
+    np.testing.assert_allclose(found.switching[name], switches, rtol=0, atol=1e-5 * np.max(np.abs(switches)))
+    middle = np.argmin(np.abs(best.scheme.points - 0.5))
+    t = best.collocation_times[:, middle]
+    mine = found.signal("tau", t, Held.ARC)[name]
+    np.testing.assert_allclose(mine, tau[:, middle], rtol=0, atol=1e-5 * np.max(np.abs(tau)))
+
+
+def test_limit_of_speed_is_held():
+    # T = d/v + m v/u, switches at m v/u and d/v; on the grid the rows of the held limit depend on each other.
+    speed = 0.6
+    solution = solve(fastest(speed=speed), solver=TIGHT)
+    toward = {"speed": fastest(speed=speed + 1)}
+    exact = {"m": speed / LIMIT, "speed": M / LIMIT - WAY / speed**2}
+    best = sensitivity(polish(solution), toward=toward)
+    assert best.notes == ()
+    assert dict(best.duration) == pytest.approx(exact, rel=1e-10)
+    np.testing.assert_allclose(best.switching["speed"], [M / LIMIT, -WAY / speed**2], rtol=1e-10)
+    np.testing.assert_allclose(best.switching["m"], [speed / LIMIT, 0.0], rtol=1e-10, atol=1e-12)
+    found, step = sensitivity(solution, toward=toward), 1e-5
+    tight = [solve(fastest(speed=speed + sign * step), solver=TIGHT).duration for sign in (1, -1)]
+    assert found.duration["speed"] == pytest.approx((tight[0] - tight[1]) / (2 * step), rel=1e-5)
+
+
+@pytest.mark.parametrize(("limit", "exact"), [(0.1, -4 / 0.09), (0.2, -9.6), (0.3, 0.0), (0.25, 0.0)])
+def test_bryson_denham_held_touched_free(limit, exact):
+    solution = polish(solve(problems.bryson_denham(limit).problem))
+    limits = tuple(replace(c, upper=c.upper + 1) if limit in c.upper else c for c in solution.problem.subject_to)
+    found = sensitivity(solution, toward={"limit": replace(solution.problem, subject_to=limits)})
+    assert found.cost["limit"] == pytest.approx(exact, rel=1e-9, abs=1e-9)
+    assert found.duration["limit"] == pytest.approx(0.0, abs=1e-12)
+    # A quarter is where the touch begins: it has no multiplier.
+    assert found.valid["limit"] == (True, limit != 0.25)
+    assert [note for note in found.notes if "the touch of x_1" not in note] == []
+
+
+def test_limit_that_is_only_just_met_is_told():
+    free = solve(cheapest(), solver=TIGHT)
+    top = float(free.controls.max())
+    met = solve(cheapest(highest=top), solver=TIGHT)
+    found = sensitivity(met, toward={"way": cheapest(way=WAY + 1, highest=top)})
+    # A longer way or a heavier mass needs more than the limit, a shorter or lighter one less.
+    assert found.valid == {"m": (True, False), "way": (True, False)}
+    assert len(found.notes) == 2
+    assert all("u at its upper limit near t = 0 s" in note and "smaller values only" in note for note in found.notes)
+    t = np.linspace(0.01, 0.99, 9) * met.duration
+    np.testing.assert_allclose(found.u(t)["way"], free.u(t) / WAY, rtol=1e-5)
+    step = 1e-4
+    left, right = (solve(cheapest(way=WAY + sign * step, highest=top), solver=TIGHT) for sign in (-1, 1))
+    np.testing.assert_allclose((free.u(t) - left.u(t)) / step, found.u(t)["way"], rtol=0, atol=1e-3)
+    assert right.u(0.0)[0] == pytest.approx(top, abs=1e-3 * step)  # where the derivative says otherwise
+    assert found.u(0.0)["way"][0] > 1.0
+
+
+def test_switch_at_an_end_of_an_element_is_one_sided():
+    # Half way, by symmetry: to one side of the grid the control of the element before changes, to the other the next.
+    problem, step = problems.two_link().problem, 1e-6
+    solution, further = solve(problem, solver=TIGHT), lambda far: replace(problem, subject_to=moved(problem, far))
+    found = sensitivity(solution, toward={"way": further(1.0)})
+    assert found.valid["way"] == (False, True)
+    assert "u_1 at its lower limit near t = 1.491 s" in found.notes[0]
+    larger, smaller = (solve(further(side), solver=TIGHT, guess=solution).duration for side in (step, -step))
+    assert found.duration["way"] == pytest.approx((larger - solution.duration) / step, rel=1e-4)
+    assert found.duration["way"] != pytest.approx((solution.duration - smaller) / step, rel=1e-2)
+
+
+@pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
+def test_limit_of_the_duration_is_kept(finish):
+    # T + c, c ~ m^2 / T^3, with T at its upper limit; polished to the last digit, not shorter or longer.
+    def hurried(longest):
+        return replace(cheapest(), horizon=Free(1.0, upper=longest), minimise=ocp.Bolza(time=1.0, running=u**2 / 20))
+
+    solution = finish(solve(hurried(0.9), solver=TIGHT))
+    found, effort = sensitivity(solution, toward={"longest": hurried(1.9)}), solution.cost - 0.9
+    assert solution.duration == pytest.approx(0.9, abs=1e-9)
+    assert found.duration["longest"] == pytest.approx(1.0, rel=1e-9)
+    assert dict(found.cost) == pytest.approx({"m": 2 * effort / M, "longest": 1 - 3 * effort / 0.9}, rel=1e-7)
+
+
+def test_limits_that_depend_on_each_other_have_no_derivative():
+    # Two equal axes: a longer way of one alone takes longer, a shorter one changes nothing.
+    problem = problems.double_integrator_2d().problem
+    found = sensitivity(solve(problem), toward={"way": replace(problem, subject_to=moved(problem, 1.0))})
+    assert np.isnan([found.duration["way"], found.cost["way"]]).all()
+    assert found.valid["way"] == (False, False)
+    assert "depend on each other" in found.notes[0]
+
+
+SCHEMES = radau(3), ocp.legendre(2), ocp.lobatto(3), ocp.lobatto(2, ocp.Control.LINEAR), radau(3, ocp.Control.LINEAR), \
+    ocp.legendre(3, ocp.Control.COLLOCATED)  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_every_scheme_against_differences(scheme):
+    prepared, step = ocp.prepare(cheapest(system=SWING), scheme, uniform(12), TIGHT), 1e-4
+    solution = prepared()
+    found = sensitivity(solution, toward={"duration": cheapest(2.2, system=SWING)})
+    assert found.notes == ()
+    assert found.duration["duration"] == pytest.approx(1.0)
+    share = np.array([0.03, 0.29, 0.61, 0.97])
+    for name in ("m", "duration"):
+        tasks = ((s * (name == "m"), cheapest(1.2 + s * (name != "m"), system=SWING)) for s in (step, -step))
+        one, other = (prepared(solution, {"m": M + s}, task) for s, task in tasks)
+        assert found.cost[name] == pytest.approx((one.cost - other.cost) / (2 * step), rel=1e-6)
+        for signal in ("x", "u"):
+            change = one.signal(signal, share * one.duration) - other.signal(signal, share * other.duration)
+            change /= 2 * step
+            mine = found.signal(signal, share * solution.duration)[name]
+            np.testing.assert_allclose(mine, change, rtol=0, atol=1e-6 * np.max(np.abs(change)))
+
+
+def test_unknown_parameters_move_too():
+    # min T + c^2/2 with the limit c of the control free: T = 2 sqrt(m d/c), c^(5/2) = sqrt(m d).
+    c, size = ca.SX.sym("c"), (M * WAY) ** 0.2
+    system = System(x, u, ca.vertcat(m, c), ca.vertcat(x[1], u * c / m), {}, {"m": M, "c": 1.0})
+    conditions = start(x, 0), end(x, [WAY, 0]), along(u, -1, 1), along(c, 0.1, 10.0)
+    solution = polish(solve(Problem(system, Free(1.0), ocp.Bolza(time=1.0, final=c**2 / 2), conditions)))
+    found = sensitivity(solution)
+    assert found.free["m"]["c"] == pytest.approx(0.2 * size / M, rel=1e-7)
+    assert found.duration["m"] == pytest.approx(0.4 * solution.duration / M, rel=1e-7)
+    with pytest.raises(ValueError, match="'c' is an unknown of this problem; given parameters are m"):
+        sensitivity(solution, ["c"])
+
+
+def test_refusals_name_the_cure(tmp_path):
+    solution = solve(fastest())
+    unsolved = solve(fastest(), solver=Ipopt(max_iter=1), guess=from_solution(solution))
+    ocp.save(solution, tmp_path / "motion.npz")
+    loaded = ocp.load(tmp_path / "motion.npz")
+    assert sensitivity(loaded, problem=solution.problem).duration["m"] == pytest.approx(LEAST / (2 * M), rel=1e-9)
+    for error, words, wrong in (
+        (ValueError, "no parameter 'mass'; there are m", lambda: sensitivity(solution, "mass")),
+        (ValueError, "solve it first", lambda: sensitivity(unsolved)),
+        (ValueError, "problem=", lambda: sensitivity(loaded)),
+        (
+            TypeError,
+            "expected a Solution of a Problem",
+            lambda: sensitivity(solve(ocp.Sequence((fastest(), fastest())))),
+        ),
+        (ValueError, "limits, start and end values", lambda: sensitivity(solution, toward={"other": cheapest()})),
+        (ValueError, "a parameter already", lambda: sensitivity(solution, toward={"m": fastest()})),
+        (ValueError, "nothing to vary", lambda: sensitivity(solve(problems.double_integrator_2d().problem))),
+        (TypeError, "Held", lambda: sensitivity(solution).x(0.0, "time")),
+        (KeyError, "no signal 'w'", lambda: sensitivity(solution).signal("w", 0.0)),
+    ):
+        with pytest.raises(error, match=words):
+            wrong()

@@ -1,0 +1,147 @@
+"""Write docs/effects.md, what every effect adds and what it costs: python tests/write_effects.py."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from pathlib import Path
+from statistics import median
+
+import casadi as ca
+from catalogue.machines import instructions
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+from time_optimal import TASKS
+
+import models.effects as catalogue
+from models.effects import (
+    Coulomb,
+    Counterbalance,
+    ElasticDrive,
+    Gravity,
+    JointStop,
+    LaggedDrive,
+    MotorDrive,
+    Payload,
+    PowerLimit,
+    RotorInertia,
+    Stribeck,
+    ToolForce,
+    TorqueSpeed,
+    Viscous,
+    WindingHeat,
+)
+from models.forms import canonical
+from ocp import point_to_point, solve, uniform
+
+RUNS, ELEMENTS = 3, 30
+HEAD = """# Effects: what each adds, and what it costs
+
+`python tests/write_effects.py` writes this page. Each effect alone on the default machine, canonical form, frame
+`regular`: the number of instructions of x' = f(x, u) with it (and how many more than without any effect), and the OCP
+of `scripts/time_optimal.py` ({elements} elements of `radau(3)`) relative to the same one without effects, median of
+{runs} runs: set-up / solve, iterations. Ratios matter: an effect changes the optimal motion, and with it the number of
+iterations. An effect that is not listed leaves no trace: the tests count instructions, states, parameters and sparsity
+of every machine in every form.
+
+| effect | what it is | states | control | signals | limits |
+|---|---|---|---|---|---|
+"""
+MIDDLE = """
+Signals that every machine has are not listed; `loss` [W] closes the balance of energy: power - loss = dE/dt.
+
+| effect | {machines} |
+|---|{rules}|
+"""
+
+
+def cases(name: str) -> dict[str, list]:
+    """Return every effect with parameters that suit a machine, and what they need beside them."""
+    task = TASKS[name]
+    limit = task.limit
+    light = tuple(0.02 * f for f in limit)
+    motor = MotorDrive(tuple(f / 1000.0 for f in limit), 1.0, 1e-3, 100.0)
+    return {
+        "Gravity": [Gravity()],
+        "Payload": [Payload(4.0)],
+        "Payload (rigid, offset)": [Payload(4.0, (0.03, 0.02, 0.05), (0.03, 0.02, 0.04))],
+        "Viscous": [Viscous(light)],
+        "Coulomb": [Coulomb(light, 0.1)],
+        "Stribeck": [Stribeck(light, tuple(1.5 * f for f in light), 0.5, 0.1)],
+        "RotorInertia": [RotorInertia(1e-5, 100.0)],
+        "LaggedDrive": [LaggedDrive(0.02)],
+        "ElasticDrive": [ElasticDrive(tuple(50.0 * f for f in limit), tuple(1e-3 * f for f in limit))],
+        "MotorDrive": [motor],
+        "MotorDrive, L = 0": [MotorDrive(motor.constant, 1.0, 0.0, 100.0)],
+        "WindingHeat (with MotorDrive)": [motor, WindingHeat(1.0, 100.0, 400.0)],
+        "TorqueSpeed": [TorqueSpeed(tuple(1.6 * f for f in limit), 5.0)],
+        "PowerLimit": [PowerLimit(600.0)],
+        "JointStop": [JointStop(task.q_min, task.q_max, tuple(100.0 * f for f in limit), 0.5, 0.01)],
+        "ToolForce": [ToolForce((10.0, 0.0, -20.0))],
+        "ToolForce of time": [ToolForce(lambda t: (10.0 * ca.sin(5.0 * t), 0.0, -20.0))],
+        "Counterbalance": [Counterbalance(5.0, 500.0, (0.0, 0.0, -0.2), (0.0, 0.0, 0.5))],
+    }  # fmt: skip
+
+
+def account(name: str, effects: list) -> tuple[int, float, float, int, bool]:
+    """Return instructions, seconds of set-up and solve, iterations, and whether it solved."""
+    task = TASKS[name]
+    system = canonical(task.machine(), effects)
+    control = {"command": "command", "voltage": "voltage", "motor_tau": "motor_tau"}
+    signal = next((s for s in control if s in system.signals), "tau")
+    limits = {signal: [100.0] * len(task.limit) if signal == "voltage" else task.limit}
+    problem = point_to_point(system, task.q0, task.q1, q=(task.q_min, task.q_max), **limits)
+    runs = [solve(problem, grid=uniform(ELEMENTS)) for _ in range(RUNS)]
+    setup = median(run.timings.setup + run.timings.derivatives for run in runs)
+    return instructions(system), setup, median(run.timings.solver for run in runs), runs[0].iterations, runs[0].ok
+
+
+def described(name: str) -> str:
+    """Return the row of an effect in the table of what is added."""
+    kind = getattr(catalogue, name)
+    task = TASKS["spherical"]
+    never = canonical(task.machine())
+    key = next(k for k in cases("spherical") if k.startswith(name))
+    system = canonical(task.machine(), cases("spherical")[key])
+    first = inspect.getdoc(kind).splitlines()[0].rstrip(".").replace("|", "\\|")
+    states = [label.name for label in system.labels["x"][never.x.numel() :]]
+    control = [label.name for label in system.labels["u"]]
+    # Of the effect itself: drives that it needs beside it are listed with them.
+    beside = canonical(task.machine(), cases("spherical")["MotorDrive"]) if name == "WindingHeat" else never
+    known = {label.name for label in beside.labels["x"]}
+    states = [state for state in states if state not in known]
+    more = [s for s in system.signals if s not in beside.signals and s not in states and s != "rest"]
+    listed = ", ".join(f"`{state}`" for state in states[:2]) + (" ..." if len(states) > 2 else "")
+    changed = control != [label.name for label in beside.labels["u"]]
+    return (
+        f"| `{name}` | {first} | {len(states) or ''} {listed} | {'`' + control[0] + '` ...' if changed else ''} | "
+        f"{', '.join(f'`{s}`' for s in more)} | {', '.join(f'`{s}`' for s in system.limits)} |\n"
+    )
+
+
+def main() -> None:
+    """Measure and write."""
+    text = HEAD.format(elements=ELEMENTS, runs=RUNS)
+    text += "".join(described(name) for name in catalogue.__all__)
+    none = {}
+    for name in TASKS:
+        account(name, [])  # the first one loads libraries
+        none[name] = account(name, [])
+    heads = " | ".join(f"{name}: instructions | set-up / solve, iterations" for name in TASKS)
+    text += MIDDLE.format(machines=heads, rules="|".join(["---|---"] * len(TASKS)))
+    cells = " | ".join(f"{count} | 1 / 1, {rounds}" for count, _, _, rounds, _ in none.values())
+    text += f"| none | {cells} |\n"
+    for case in cases("spherical"):
+        row = []
+        for name in TASKS:
+            count, setup, solving, rounds, ok = account(name, cases(name)[case])
+            base, first, second, _, _ = none[name]
+            ratio = f"{setup / first:.1f} / {solving / second:.1f}, {rounds}" + ("" if ok else " (not solved)")
+            row.append(f"{count} (+{count - base}) | {ratio}")
+            print(name, case, row[-1], flush=True)
+        text += f"| {case} | {' | '.join(row)} |\n"
+    Path("docs/effects.md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

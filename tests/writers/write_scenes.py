@@ -1,0 +1,116 @@
+"""Write docs/scenes.md from the example scenes and the broken ones: python tests/write_scenes.py."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+
+from catalogue.broken_scenes import BROKEN, SOUND
+from reports import effect_budget as budget
+
+from models.scenes import task_file
+from models.scenes.toml_document import SceneError
+from ocp import uniform
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "scenes.md"
+SCENES = ROOT / "scripts" / "scenes"
+EXAMPLES = ("spherical", "cylindrical", "torus")
+
+HEAD = """# Scenes
+
+A scene is a machine with the effects that its task calls for, and the form and frame of its equations. An effect that
+is not listed leaves no trace. In Python it is one value; in a file it is TOML, beside the task:
+
+```sh
+python scripts/time_optimal.py --template torus > arm.toml     # every key, with units; all effects, in comments
+python scripts/time_optimal.py arm.toml --card                 # what it is, before it is solved
+python scripts/time_optimal.py arm.toml                        # solve, verify, table, picture
+python scripts/time_optimal.py arm.toml --budget               # what each effect costs
+```
+
+```python
+from models import Scene, spherical
+from models.effects import Gravity, Payload
+
+scene = Scene(spherical(), (Gravity(), Payload(2.0)))   # form=canonical, frame="regular"
+print(scene)                                            # the card
+print([(price.name, price.instructions) for price in scene.prices])
+arm = scene.system                                      # x' = f(x, u, p) with its signals, for any Problem
+```
+
+## The file
+
+SI units and radians. A key that ends in `_deg` takes degrees: `from_deg = [...]`, `lower_deg = [...]`,
+`{ theta_deg = 50.0, r = 0.8 }`; in a list, lengths stay in metres. One number for each coordinate is a list in the
+order of the coordinates, a table by their names, or a single number for all. Numbers are finite; where a limit or an
+effect does not concern a coordinate, a table that leaves it out says so. Unknown keys are errors. Reading a file
+executes nothing.
+
+| key | what | default |
+|---|---|---|
+| `machine` | `cylindrical`, `spherical`, `torus` | none |
+| `form`, `frame` | of the equations | `canonical`, `regular` |
+| `[parameters]` | of the machine, by name | those of the machine |
+| `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
+| `[limits]` | along the motion, for any signal: magnitudes, or `{ lower = ..., upper = ... }` | those of the effects |
+| `[task]` `from`, `to` | a position, at rest; or signals by name, `{ tool = [...] }`, `{ q = ..., v = ... }` | none |
+| `[task]` `via` | list of such points, passed in this order at any speed; a leg ends at each | none |
+| `[task]` `minimise` | `"time"`, or `{ time = ..., squares = { SIGNAL = ... }, integral = { ... } }` | `"time"` |
+| `[task]` `horizon` | free: `{ guess, lower, upper }`, fixed: a number; with `via` a list, one for each leg | free |
+| `[task]` `elements` | of the grid of each leg | 50 |
+| `[[task.obstacles]]` | `shape` (`ball`, `box`, `cylinder`, `half_space`) with its numbers | none |
+| `keep`, `point` | of an obstacle: `"outside"` or `"inside"`; the signal that keeps out of it | `"outside"`, `"tool"` |
+
+A limit on a signal that an effect limits already takes the place of the effect's. With a horizon for the whole motion
+and via points, only `guess` is given, and shared among the legs. The signals of a scene stand on its card.
+
+"""
+
+
+def example(name: str) -> str:
+    """Return what --card prints for an example."""
+    scene, task = task_file.load(SCENES / f"{name}.toml")
+    return f"{scene.card()}\n{task.card(scene.system)}"
+
+
+def messages() -> list[tuple[str, str]]:
+    """Return what the user is told about every broken file."""
+    found = []
+    for name, old, new in BROKEN:
+        try:
+            task_file.of_text(SOUND.replace(old, new, 1), "arm.toml")
+        except SceneError as error:
+            found.append((name, str(error)))
+    return found
+
+
+def main() -> None:
+    """Solve, and write the page."""
+    parts = [HEAD, "## An example\n\n`scripts/scenes/spherical.toml`; the others are `cylindrical.toml` (an obstacle)"
+             " and `torus.toml` (a via point).\n\n```toml\n", (SCENES / "spherical.toml").read_text(encoding="utf-8"),
+             "```\n\n## Cards\n\n`--card` prints, for the three examples,\n\n"]  # fmt: skip
+    parts += [f"```\n{example(name)}\n```\n\n" for name in EXAMPLES]
+    parts.append(
+        "The price of an effect is the number of instructions of x' = f(x, u, p) with it minus that without.\n\n"
+    )
+    parts.append("## The effect budget\n\n`--budget` prints\n\n")
+    for name in EXAMPLES:
+        scene, task = task_file.load(SCENES / f"{name}.toml")
+        parts.append(f"```\n{budget.effect_budget(scene, task, uniform(task.elements))}\n```\n\n")
+    parts.append(
+        "Each row is a solve, not a sensitivity: leaving an effect out is a finite change that may move the motion to\n"
+        "another local optimum or change its states, and peak torques and seconds have no derivative. A row is solved\n"
+        "from the default guess and, where the states are the same, from the motion of the whole scene; the better\n"
+        "one counts, and a note says when they are two optima. Rows that are not verified show no figures.\n\n"
+    )
+    parts.append("## What is said of a file that cannot be used\n\nOne sentence, exit status 2:\n\n")
+    parts += [f"- {name}: `{message}`\n" for name, message in messages()]
+    PAGE.write_text("".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
