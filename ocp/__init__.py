@@ -1,11 +1,9 @@
 """Optimal control of x' = f(x, u, p) by direct collocation and IPOPT."""
 
-from ocp import integrators
-from ocp.accuracy.error_estimate import Errors, estimate
+from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.refinement import solve_to_accuracy
 from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
 from ocp.accuracy.verification import Report, verify
-from ocp.arcs.arcs import Structure
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
 from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
@@ -14,16 +12,20 @@ from ocp.problem.dynamic_extension import extend, time_derivative
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.problem.rest_to_rest import point_to_point
-from ocp.problem.sequence import Sequence, SequenceSolution
+from ocp.problem.sequence import Sequence
 from ocp.sensitivities.motion_derivatives import Held
 from ocp.sensitivities.post_optimal import Sensitivity, sensitivity
-from ocp.solution.solution import Accuracy, Multipliers, Solution, Status, Timings
+from ocp.solution.accuracy import Accuracy, Errors
+from ocp.solution.sequence_solution import SequenceSolution
+from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.storage import load, save
-from ocp.solving.first_guesses import Guess, smooth, straight_line
+from ocp.solution.structure import Structure
+from ocp.solving.first_guesses import smooth, straight_line
 from ocp.solving.guess_ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.local_optima import Optimum, multistart
-from ocp.solving.solver import Prepared, prepare, solve
+from ocp.solving.prepared import Prepared, prepare
+from ocp.solving.solver import solve
 from ocp.studies.designs import LatinHypercube, Listed, Product, Random, Sobol, Zip
 from ocp.studies.store import Store, StoreError
 from ocp.studies.study import Study
@@ -31,7 +33,12 @@ from ocp.studies.sweeping import Outcome, sweep
 from ocp.studies.table import StudyTable
 from ocp.system import Label, System
 from ocp.transcription.grid import Grid, given, uniform
-from ocp.transcription.schemes.scheme import Control, Scheme, legendre, lobatto, radau
+from ocp.transcription.guess import Guess
+from ocp.transcription.packing import Multipliers
+from ocp.transcription.schemes.gauss_legendre import legendre
+from ocp.transcription.schemes.lobatto_iiia import lobatto
+from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.scheme import Control, Scheme
 
 __all__ = [
     "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",

@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks.problems import CASES, Case, Outcome, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from pictures.solution import finish
+from pictures.files import finish
 
 from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 

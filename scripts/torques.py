@@ -23,7 +23,7 @@ from reports.motion_file import read_motion
 from models import Envelope, Manipulator, Motion, Scene, TorqueTable, inverse_dynamics, write_code, write_function
 from models.effects import Gravity, Payload, Viscous
 from models.mechanics.terms import Effect
-from models.motions.recording import as_trajectory
+from models.motions.ros_trajectory import as_trajectory
 from models.scenes import catalogue
 from models.scenes.scene_file import read_scene
 from models.scenes.toml_document import read_document

@@ -75,3 +75,8 @@ def simplified(matrix: ca.SX, q: ca.SX) -> ca.SX:
             entry = ca.substitute(entry, q[idle], ca.SX.zeros(len(idle)))
         result[k % matrix.shape[0], k // matrix.shape[0]] = entry
     return ca.sparsify(result)
+
+
+def about_axis(moment: ca.SX | float) -> ca.SX:
+    """Return the inertia (3, 3) of a body that only turns about its third axis; the rest plays no part."""
+    return ca.sparsify(ca.diag(ca.vertcat(0, 0, ca.SX(moment))))

@@ -7,12 +7,14 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from models.machines.body_metrics import about_axis
 from models.machines.frames import Frame, coordinate, fixed, ldl, udu
 from models.machines.inertia import check_mass, check_moment
-from models.machines.inverse_kinematics import NEAR, TINY, Array, Configurations, wrapped
+from models.machines.inverse_kinematics import NEAR, TINY, Configurations, wrapped
 from models.machines.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.machines.parameters import Default, lists_its_parameters, read, unit_of
 from ocp import checks
+from ocp.checks import Array
 
 
 @lists_its_parameters
@@ -154,8 +156,3 @@ def point_metric(across: ca.SX | float, along: ca.SX) -> ca.SX:
     metric[0, 0], metric[1, 1], metric[2, 2] = across * across + along**2, 1, 1
     metric[0, 2] = metric[2, 0] = across
     return ca.sparsify(metric)
-
-
-def about_axis(moment: ca.SX | float) -> ca.SX:
-    """Return the inertia (3, 3) of a body that only turns about its third axis; the rest plays no part."""
-    return ca.sparsify(ca.diag(ca.vertcat(0, 0, ca.SX(moment))))

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from ocp.checks import Array
+
 TINY = 1e-12  # share of the size of the machine that is rounding
 NEAR = 1e-6  # share within which a point counts as singular
 

@@ -7,13 +7,14 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from models.machines.cylindrical_arm import about_axis
+from models.machines.body_metrics import about_axis
 from models.machines.frames import Frame, coordinate, fixed, ldl, udu
 from models.machines.inertia import check_mass, check_moment, check_tensor
-from models.machines.inverse_kinematics import NEAR, TINY, Array, Configurations
+from models.machines.inverse_kinematics import NEAR, TINY, Configurations
 from models.machines.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.machines.parameters import Default, Follows, lists_its_parameters, read, unit_of
 from ocp import checks
+from ocp.checks import Array
 
 
 @lists_its_parameters

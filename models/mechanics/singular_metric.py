@@ -11,9 +11,9 @@ import numpy as np
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
+from ocp.checks import Array
 from ocp.system import Singularity
 
-Array = np.ndarray
 SAMPLES = 12
 # Share of its usual size below which an inertia is rounding: the square of a distance of 1e-12.
 TINY = 1e-24

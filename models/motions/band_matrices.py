@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from ocp.checks import Array
+
 BLOCK = 16  # rows of one block; at least the half bandwidth
 
 

@@ -11,9 +11,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from models.motions.piecewise import Array
 from models.motions.recording import SUSPICIOUS, Recording
 from ocp import checks
+from ocp.checks import Array
 from ocp.system import Label
 
 TIME = ("t", "time")

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from models.motions.piecewise import Array
 from ocp import checks
-from ocp.numerics.sampling import evaluate
+from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 
 ORDERS = 6  # derivatives of order 0 .. 5 are formed
 

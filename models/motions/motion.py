@@ -14,8 +14,9 @@ from models.mechanics.terms import Effect
 from models.motions import profiles
 from models.motions.csv_tables import read_csv
 from models.motions.function_curves import ExpressionCurve, FunctionCurve
-from models.motions.piecewise import Array, Piecewise, dense
-from models.motions.recording import Recording, check_labels, check_rows, read_trajectory
+from models.motions.piecewise import Piecewise, dense
+from models.motions.recording import Recording, check_labels, check_rows
+from models.motions.ros_trajectory import read_trajectory
 from models.motions.sample_fit import Differences, fit
 from models.motions.smoothing import Smoothed
 from models.motions.solution_curve import Recorded, SolutionCurve
@@ -23,7 +24,8 @@ from models.motions.splines import Ends, at_rest, interpolate
 from models.torques.drive_loads import Envelope
 from models.torques.torque_table import TorqueTable, tabulate
 from ocp import checks
-from ocp.numerics.sampling import Progress
+from ocp.checks import Array
+from ocp.numerics.evaluation import Progress
 from ocp.system import Label, System
 
 Curve = Callable[[Array, int], Array]  # times (K,), order of the derivative -> (K, n)

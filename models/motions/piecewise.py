@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from ocp.checks import Array
+
 # A derivative counts as continuous if it jumps by less than this share of its size.
 CONTINUOUS = 1e-7
 INSIDE = 1e-9  # share of a piece by which its end is moved inside

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from models.motions.piecewise import Array, Piecewise, hermite
+from models.motions.piecewise import Piecewise, hermite
 from ocp import checks
+from ocp.checks import Array
 
 
 def rest_to_rest(q0: object, q1: object, duration: float, orders: int) -> Piecewise:

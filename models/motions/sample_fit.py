@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.motions.piecewise import Array, Piecewise, hermite
+from models.motions.piecewise import Piecewise, hermite
 from models.motions.recording import Recording
 from models.motions.smoothing import Smoothed, smooth
 from models.motions.splines import accelerations, interpolate, natural
 from ocp import checks
+from ocp.checks import Array
 
 Fit = tuple[Piecewise, float, Smoothed | None, tuple[str, ...]]  # curve, smoothness, smoothing spline, notes
 

@@ -9,9 +9,9 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from models.motions.piecewise import Array
 from ocp import checks
-from ocp.numerics.sampling import evaluate
+from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.system import Label, System
 
 # dq/dt of the interpolant may differ from v at collocation points by this share before the states count as foreign.

@@ -9,8 +9,9 @@ from math import factorial
 import casadi as ca
 import numpy as np
 
-from models.motions.piecewise import Array, Piecewise
+from models.motions.piecewise import Piecewise
 from ocp import checks
+from ocp.checks import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.motions.motion import Motion
-from models.motions.piecewise import Array
+from ocp.checks import Array
 
 # A timing law may leave its path by this share of it: the tolerance of a solver.
 ROUNDING = 1e-6

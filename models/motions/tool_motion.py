@@ -11,13 +11,13 @@ import numpy as np
 from models.machines.inverse_kinematics import Configurations, Inverse, continuous, wrapped
 from models.machines.manipulator import Manipulator
 from models.motions.motion import Motion, labels_of
-from models.motions.piecewise import Array
 from models.motions.recording import Recording, check_rows
 from models.motions.splines import at_rest, interpolate
 from models.motions.timing_laws import Composed, check_law
 from models.motions.tool_paths import Polynomial, ToolPath
 from ocp import checks
-from ocp.numerics.sampling import evaluate
+from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 
 FINE = 2001  # places at which the solution is chosen, at least
 LEAP = 0.5  # largest step between two of them [rad or m]

@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from models.motions.piecewise import Array
 from models.motions.splines import interpolate, natural
 from ocp import checks
+from ocp.checks import Array
 
 Point = Sequence[float] | Array
 

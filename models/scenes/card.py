@@ -3,49 +3,48 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models.machines.parameters import Parameter
 from models.mechanics.terms import Effect, name_of
-from models.scenes.effect_prices import instructions
+from models.scenes.effect_prices import Price, instructions
 from ocp.system import Label, System
-
-if TYPE_CHECKING:
-    from models.scenes.scene import Scene
 
 WIDTH, INDENT = 110, 14
 
 
-def scene_card(scene: Scene) -> str:
+def scene_card(
+    title: str, frame: str, system: System, machine: Mapping[str, float], prices: Sequence[Price], bare: System
+) -> str:
     """Return the card of a scene, lines of at most WIDTH characters.
 
     Args:
-        scene: machine, effects, form and frame.
+        title: machine, form and frame in words.
+        frame: name of the frame.
+        system: with all effects.
+        machine: name -> value of the parameters of the machine, SI and radians.
+        prices: what each effect adds, one for each effect.
+        bare: the system without effects.
     """
-    system, machine = scene.system, scene.machine
-    bare = type(scene)(machine, (), scene.form, scene.frame)
     lines = [
-        *entry("scene", f"{machine.name} manipulator, {scene.form_name} form, frame {scene.frame_name}"),
+        *entry("scene", title),
         *entry(f"states {system.x.numel()}", _labels(system, "x", system.x.numel())),
         *entry(f"controls {system.u.numel()}", _labels(system, "u", system.u.numel())),
         *entry("parameters", _open(system)),
-        *entry("machine", ", ".join(f"{name} {value:.6g}" for name, value in machine.nominal.items())),
+        *entry("machine", ", ".join(f"{name} {value:.6g}" for name, value in machine.items())),
     ]
-    for number, price in enumerate(scene.prices):
+    for number, price in enumerate(prices):
         lines += entry("" if number else "effects", f"{describe(price.effect)}: {price}")
-    if not scene.effects:
+    if not prices:
         lines += entry("effects", "none")
     lines += [
         *entry("limits", "; ".join(_limits(system)) or "none of the effects; those of the task come on top"),
         *entry("signals", ", ".join(f"{k} ({s.numel()})" if s.numel() > 1 else k for k, s in system.signals.items())),
-        *entry(
-            "instructions", f"{scene.instructions} for x' = f(x, u, p); {instructions(bare.system)} without effects"
-        ),
-        *entry("metric", metric(scene)),
+        *entry("instructions", f"{instructions(system)} for x' = f(x, u, p); {instructions(bare)} without effects"),
+        *entry("metric", metric(system, frame)),
     ]
     return "\n".join(lines)
 
@@ -73,11 +72,9 @@ def describe(effect: Effect) -> str:
     return f"{name} ({', '.join(shown)})" if shown else name
 
 
-def metric(scene: Scene) -> str:
-    """Say whether the metric is diagonal in the frame, and if not, which effect coupled it and what it costs."""
-    return "; ".join(scene.system.notes) or (
-        f"diagonal in the frame {scene.frame_name!r}: one division for each degree of freedom"
-    )
+def metric(system: System, frame: str) -> str:
+    """Return whether the metric is diagonal in the frame, and if not, which effect couples it and what that costs."""
+    return "; ".join(system.notes) or f"diagonal in the frame {frame!r}: one division for each degree of freedom"
 
 
 def _labels(system: System, name: str, size: int) -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from models.mechanics.terms import Effect, name_of
 from ocp.system import System
-
-if TYPE_CHECKING:
-    from models.scenes.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +34,23 @@ class Price:
         return ", ".join(shown)
 
 
-def prices(scene: Scene) -> tuple[Price, ...]:
-    """Return the price of every effect of a scene, in their order."""
-    found = []
-    for effect in scene.effects:
+def prices(system: System, effects: Sequence[Effect], without: Callable[[Effect], System]) -> tuple[Price, ...]:
+    """Return what every effect adds to a system, in the order of the effects.
+
+    Args:
+        system: with all effects.
+        effects: of the scene.
+        without: effect -> the system that never heard of it; raises ValueError where another effect needs it.
+    """
+    total, found = instructions(system), []
+    for effect in effects:
         try:
-            bare = scene.without(effect)
+            bare = without(effect)
         except ValueError as error:
             found.append(Price(effect, None, 0, 0, str(error)))
             continue
-        states = scene.system.x.numel() - bare.system.x.numel()
-        controls = scene.system.u.numel() - bare.system.u.numel()
-        found.append(Price(effect, scene.instructions - bare.instructions, states, controls))
+        states, controls = system.x.numel() - bare.x.numel(), system.u.numel() - bare.u.numel()
+        found.append(Price(effect, total - instructions(bare), states, controls))
     return tuple(found)
 
 

@@ -72,7 +72,7 @@ class Scene:
     @cached_property
     def prices(self) -> tuple[Price, ...]:
         """What each effect costs in instructions: the count with it minus the count without."""
-        return prices(self)
+        return prices(self.system, self.effects, lambda effect: self.without(effect).system)
 
     def without(self, effect: Effect) -> Scene:
         """Return the scene that never heard of one of its effects.
@@ -88,4 +88,6 @@ class Scene:
 
     def card(self) -> str:
         """Return the scene as a page of text: states, controls, parameters, limits, signals, instructions, prices."""
-        return scene_card(self)
+        title = f"{self.machine.name} manipulator, {self.form_name} form, frame {self.frame_name}"
+        bare = self.form(self.machine, (), self.frame)
+        return scene_card(title, self.frame_name, self.system, self.machine.nominal, self.prices, bare)

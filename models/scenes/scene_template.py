@@ -7,8 +7,11 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields
 
-from models import Manipulator, cylindrical, spherical, torus
+from models.machines.cylindrical_arm import cylindrical
+from models.machines.manipulator import Manipulator
 from models.machines.parameters import Follows, unit_of
+from models.machines.spherical_arm import spherical
+from models.machines.torus_arm import torus
 from models.scenes import catalogue
 
 # Values of parameters without a default, by unit, of a usual size.

@@ -10,8 +10,11 @@ from itertools import pairwise
 import casadi as ca
 
 from models.scenes.card import entry, interval
-from ocp import Bolza, Constraint, Fixed, Free, Problem, Sequence, System, along, end, start
+from ocp.problem.constraints import Constraint, along, end, start
+from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.regions import Region
+from ocp.problem.sequence import Sequence
+from ocp.system import System
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,22 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-import ocp
-from models import Scene
 from models.mechanics.terms import snake
+from models.scenes.scene import Scene
 from models.scenes.scene_file import KEYS, read_scene
 from models.scenes.task import Interval, Obstacle, Task
 from models.scenes.toml_document import SceneError, Table, is_angle, parse, read_document, spellings, unknown
-from ocp import Fixed, Free, Label, System, inside, outside
+from ocp.problem import regions
+from ocp.problem.problem import Fixed, Free
+from ocp.problem.regions import inside, outside
+from ocp.system import Label, System
 
 Weights = Mapping[str, tuple[float, ...]]
 SIDES = ("lower", "upper", "lower_deg", "upper_deg")
 REGIONS: dict[str, Callable[..., Any]] = {
-    snake(name): thing for name, thing in vars(ocp).items() if name in ocp.__all__ and hasattr(thing, "within")
+    snake(name): thing
+    for name, thing in vars(regions).items()
+    if isinstance(thing, type) and dataclasses.is_dataclass(thing)
 }
 PLACES = {"outside": outside, "inside": inside}
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.motions.piecewise import Array
 from ocp import checks
+from ocp.checks import Array
 
 # A limit counts as exceeded beyond this share of it.
 SLACK = 1e-9

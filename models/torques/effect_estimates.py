@@ -31,9 +31,9 @@ from models.mechanics.terms import Effect, name_of
 from models.torques.linear_response import lag, oscillation
 from models.torques.torque_functions import inverse_dynamics, recover
 from ocp import checks
+from ocp.checks import Array
 from ocp.system import System
 
-Array = np.ndarray
 PLACES = np.linspace(0.0, 1.0, 9)  # on each element of the solution
 
 

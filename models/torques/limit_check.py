@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from models.forms.lagrangian import lagrange
-from models.motions.piecewise import Array
 from models.torques.drive_loads import SLACK, runs
 from models.torques.torque_table import TorqueTable
-from ocp.numerics.sampling import evaluate
+from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 
 
 @dataclass(frozen=True)

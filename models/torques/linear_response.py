@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-Array = np.ndarray
+from ocp.checks import Array
 
 
 def lag(t: Array, values: Array, constants: Array) -> Array:

@@ -12,12 +12,12 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
-from models.motions.piecewise import Array
 from models.torques.drive_loads import DriveLoad, Envelope, drive_load
 from models.torques.torque_functions import DERIVATIVES, drive_dynamics, inverse_dynamics
 from models.torques.torque_split import split_torques
 from ocp import checks
-from ocp.numerics.sampling import CHUNK, Progress, evaluate
+from ocp.checks import Array
+from ocp.numerics.evaluation import CHUNK, Progress, evaluate
 
 Covariance = Callable[[Array], Array]  # times (K,) -> (K, n, 3, 3) of position, velocity, acceleration
 

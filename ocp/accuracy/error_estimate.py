@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -10,55 +10,17 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.accuracy.even_multipliers import even
 from ocp.accuracy.hamiltonian_minimum import Minimum, minimise
+from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
+from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_model
+from ocp.solution.integration_drift import MORE, _accumulated, _parameters, _propagated
 from ocp.solution.solution import Solution, Status
-from ocp.system import Label, slopes
-from ocp.transcription.schemes.scheme import integration_matrix
 
-Array = np.ndarray
-MORE = 3  # Gauss points of the re-integration beyond the degree of the scheme
 PANELS, PER_PANEL = 8, 3  # of every element, for integrands with kinks
 SAFETY = 2.0  # the estimate is of first order, and asymptotically right for smooth problems
 ROUNDING = 1e-12  # share of the cost below which no error is claimed
-
-
-@dataclass(frozen=True, eq=False)
-class Errors:
-    """Estimated errors of a solution; each is an amount, zero for an exact solution.
-
-    The cost of the solution differs from the optimal one by at most about `cost`. It is the sum of five parts, each
-    the integral of what the motion does wrong, priced by its costates or multipliers, times a factor of safety of 2.
-    """
-
-    cost: float  # of the optimal cost [unit of the cost]; inf for a solution that did not converge
-    duration: float  # of the optimal duration [s]; zero if it is fixed
-    states: Array  # (nx,) largest distance of each state from where its controls bring it [unit of the state]
-    dynamics: float  # cost of what the motion violates x' = f(x, u) and of the quadrature; signed
-    optimality: float  # cost that the controls leave on the table: integral of H(u) - min H, multipliers spread evenly
-    overshoot: float  # cost gained by controls beyond their limits between the points
-    violation: float  # cost gained by states beyond their limits between the nodes
-    convergence: float  # cost that the solver left at limits of states: multipliers times distances
-    hamiltonian: float  # standard deviation of H from its constant value, share of the mean size of its terms
-    elements: Array  # (N,) parts of the elements in `cost`
-    local: Array  # (N, nx) distance of each state at the end of an element if integrated from its start
-    drift: Array  # (N + 1, nx) distance from the motion integrated from x(0), at the ends of elements; signed
-    labels: tuple[Label, ...]  # of the states
-
-    def __str__(self) -> str:
-        parts = [
-            f"cost        {self.cost:.2e}",
-            f"  dynamics    {self.dynamics:+.2e}   optimality {self.optimality:.2e}",
-            f"  overshoot   {self.overshoot:.2e}   violation  {self.violation:.2e}",
-            f"duration    {self.duration:.2e} s",
-            *(
-                f"{label.name:11s} {error:.2e} {label.unit}"
-                for label, error in zip(self.labels, self.states, strict=True)
-            ),
-            f"Hamiltonian {self.hamiltonian:.2e} share of the mean size of its terms",
-        ]
-        return "\n".join(parts)
 
 
 def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
@@ -73,7 +35,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
 
     phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
     of Newton's method from the interpolant); in G the multipliers of limits of states are spread over their elements
-    (`ocp.adjoint`). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
+    (`ocp.accuracy.even_multipliers`). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
     to first order in the disturbances, no proof; docs/calibration.md holds it against known optima. It is about a
     local optimum and does not see other ones. A free duration that is not the cost itself is taken to be as wrong,
     relatively, as the cost times the order of the scheme.
@@ -128,29 +90,6 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     )  # fmt: skip
 
 
-def drift(solution: Solution, problem: Problem) -> Array:
-    """Return the distance (N + 1, nx) of the motion integrated from x(0) from the one found, at the ends of elements.
-
-    To first order, e_k+1 = Phi_k e_k + (phi_k(x_k) - x_k+1), as `estimate` has it; signed, unit of the state.
-
-    Args:
-        solution: of positive duration.
-        problem: that it solves.
-
-    Raises:
-        LinAlgError: an element is so long that the equations of its re-integration are singular.
-    """
-    local, transition, _ = _propagated(solution, problem)
-    return _accumulated(local, transition)
-
-
-def _accumulated(local: Array, transition: Array) -> Array:
-    away = np.zeros((len(local) + 1, local.shape[1]))
-    for k, (error, carried) in enumerate(zip(local, transition, strict=True)):
-        away[k + 1] = carried @ away[k] + error
-    return away
-
-
 def _panels() -> tuple[Array, Array]:
     nodes, weights = polynomials.leggauss(PER_PANEL)
     tau = (np.arange(PANELS)[:, None] + (nodes + 1.0) / 2.0) / PANELS
@@ -182,35 +121,6 @@ def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, A
     _, x, _, u = solution.samples(scheme.points)
     discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[0]).reshape(count, -1) @ scheme.weights
     return local, transition, solution.duration * solution.grid.widths * (exact - discrete)
-
-
-def _propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
-    """Return phi_k(x_k) - x_k+1 (N, nx), its derivative by x_k (N, nx, nx), and both at m points (N, m, nx, 1 + nx)."""
-    system, scheme = problem.system, solution.scheme
-    count, nx = len(solution.grid), solution.states.shape[2]
-    nodes, weights = polynomials.leggauss(scheme.degree + MORE)
-    tau, weights = (nodes + 1.0) / 2.0, weights / 2.0
-    m = len(tau)
-    _, x, rate, u = solution.samples(tau)
-    f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(_parameters(solution, problem), len(x)))
-    h = solution.duration * solution.grid.widths
-    missed = (np.array(f).T - rate).reshape(count, m, nx)
-    A = np.array(slope).reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
-    # delta_i = delta_0 + h sum_j a_ij (A_j delta_j + missed_j), once for delta_0 = 0 and once for each unit vector.
-    a = integration_matrix(tau)
-    system_matrix = np.eye(m * nx) - h[:, None, None] * np.einsum("ij,kjab->kiajb", a, A).reshape(count, m * nx, m * nx)
-    forced = (h[:, None, None] * np.einsum("ij,kja->kia", a, missed)).reshape(count, m * nx, 1)
-    starts = np.broadcast_to(np.tile(np.eye(nx), (m, 1)), (count, m * nx, nx))
-    delta = np.linalg.solve(system_matrix, np.concatenate([forced, starts], axis=2)).reshape(count, m, nx, 1 + nx)
-    grown = np.einsum("kjab,kjbc->kjac", A, delta)
-    grown[..., 0] += missed
-    end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
-    return end[..., 0], np.eye(nx) + end[..., 1:], delta
-
-
-def _parameters(solution: Solution, problem: Problem) -> Array:
-    system = problem.system
-    return np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))[:, None]
 
 
 def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:

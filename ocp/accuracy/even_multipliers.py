@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
+from ocp.numerics.polynomials import slope_matrix
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
-from ocp.transcription.schemes.scheme import Control, slope_matrix
+from ocp.transcription.schemes.scheme import Control
 
-Array = np.ndarray
 NEAR = 1e-4  # share of its size within which a limit may act
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
-Array = np.ndarray
 ROUNDS = 12  # of Newton's method, and of the minimisation of each of its quadratic models
 BARRIER_ROUNDS = 40
 TO_BOUNDARY = 0.99  # share of the way to the nearest limit that one step goes at most

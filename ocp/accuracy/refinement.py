@@ -12,18 +12,23 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.accuracy.error_estimate import Errors, estimate
+from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.tolerances import Cost, Tolerance
+from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
-from ocp.solution.solution import Accuracy, Solution, Status
+from ocp.solution.accuracy import Accuracy, Errors
+from ocp.solution.solution import Solution, Status
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.solver import prepare, solve
+from ocp.solving.prepared import prepare
+from ocp.solving.solver import solve
 from ocp.solving.starts import Start, as_guesses, is_ladder
 from ocp.transcription.grid import Grid, uniform
-from ocp.transcription.schemes.scheme import Control, Scheme, legendre, lobatto, radau
+from ocp.transcription.schemes.gauss_legendre import legendre
+from ocp.transcription.schemes.lobatto_iiia import lobatto
+from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.scheme import Control, Scheme
 
-Array = np.ndarray
 RUNGS = 30
 SPARE = 0.5  # share of the tolerance that the elements together may use
 CONCENTRATED = 0.01  # share of the largest part below which a part waits

@@ -9,10 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.accuracy.error_estimate import Errors
+from ocp.checks import Array
+from ocp.solution.accuracy import Errors
 from ocp.solution.solution import Solution
-
-Array = np.ndarray
 
 
 class Tolerance(Protocol):

@@ -10,36 +10,17 @@ import casadi as ca
 import numpy as np
 
 from ocp.accuracy.even_multipliers import even
+from ocp.checks import Array
 from ocp.integrators.simulation import simulate
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
-from ocp.problem.sequence import SequenceSolution
 from ocp.solution.attached_problem import with_model
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import extent
+from ocp.solution.violations import Figure, excess
 
-Array = np.ndarray
-SAMPLES = 24  # places on each element at which limits are checked
 TIGHT = 1e-12  # tolerance of the re-integration
-
-
-class Figure(float):
-    """A number with its unit, what it is relative to, and where it was found."""
-
-    unit: str
-    scale: str
-    what: str
-    at: float
-
-    def __new__(cls, value: float, unit: str, scale: str, what: str = "", at: float = float("nan")) -> Figure:
-        """Return the number with its description."""
-        figure = super().__new__(cls, value)
-        figure.unit, figure.scale, figure.what, figure.at = unit, scale, what, at
-        return figure
-
-    def __str__(self) -> str:
-        where = f" ({self.what}{f' at {self.at:.4g} s' if np.isfinite(self.at) else ''})" if self.what else ""
-        return f"{float(self):.2e} {self.unit} of {self.scale}{where}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +75,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
     switching: integral of what H loses when every control alone goes where a quadratic model of H is least in its
     range; dH/du_i (u_i - u_i*) where H is linear in it, u_i* the end of its range that lowers H; for controls limited
-    one by one, the multipliers of limits of states spread over their elements (`ocp.adjoint`). energy: signals
+    one by one, the multipliers of limits of states spread over their elements (`ocp.accuracy.even_multipliers`). energy: signals
     "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
@@ -202,44 +183,6 @@ def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     size = np.array(function.map(len(x))(x.T, u.T, np.tile(p[:, None], len(x)))) @ weights
     return np.where(size > 0.0, size, 1.0)
-
-
-def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> list[tuple[float, Figure]]:
-    """Return for every limited component its excess relative to its range, and in its unit with name and time.
-
-    One without a range is measured by its largest value, or by what states of their sizes make of it.
-
-    Args:
-        solution: with finite states.
-        problem: whose limits they are.
-        scale: (nx,) sizes of the states; None for those of the motion.
-    """
-    found = []
-    scale = extent(solution, problem)[0] if scale is None else scale
-    # Both ends of every element are among the places, since the control may jump there.
-    dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
-    system = problem.system
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
-    for constraint in problem.subject_to:
-        by_states = ca.mtimes(ca.fabs(ca.jacobian(constraint.expression, system.x)), scale)
-        outputs = [constraint.expression, ca.densify(by_states)]
-        function = ca.Function("limit", [system.x, system.u, system.p], outputs).map(len(dense))
-        motion, made = (np.array(part) for part in function(x.T, u.T, np.tile(p[:, None], len(dense))))
-        if constraint.where is Where.PERIODIC:
-            rows, values = slice(-1, None), motion[:, -1:] - motion[:, :1]
-        else:
-            rows = {Where.START: slice(0, 1), Where.END: slice(-1, None), Where.ALONG: slice(None)}[constraint.where]
-            values = motion[:, rows]
-        beyond = np.maximum(constraint.lower[:, None] - values, values - constraint.upper[:, None])
-        for c, label in enumerate(problem.labels(constraint)):
-            place = int(np.argmax(beyond[c]))
-            amount = max(float(beyond[c, place]), 0.0)
-            sides = np.array([constraint.lower[c], constraint.upper[c]])
-            reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
-            size = reach or max(float(np.max(np.abs(motion[c]))), float(np.nan_to_num(np.max(made[c])))) or 1.0
-            figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
-            found.append((amount / size, figure))
-    return found
 
 
 def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure, Figure]:

@@ -10,22 +10,23 @@ import casadi as ca
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
-from ocp.arcs.arcs import Arc, Contact, Kind
 from ocp.arcs.null_space_newton import Equations, as_equations
 from ocp.arcs.state_limit_multipliers import Tie, adjoin_directly
+from ocp.checks import Array
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.solution import Solution, Status
-from ocp.solving.first_guesses import Guess
+from ocp.solution.structure import Arc, Contact, Kind
 from ocp.solving.ipopt import Answer, Ipopt, Solver, build, run
 from ocp.transcription.arc_division import Condition, Division, Near
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
-from ocp.transcription.nlp import Programme, bounds, pack
+from ocp.transcription.guess import Guess
+from ocp.transcription.nlp import Programme, bounds
+from ocp.transcription.packing import pack
 from ocp.transcription.scaling import from_limits
 
-Array = np.ndarray
 LEAST = 1e-9  # duration of an arc below which it counts as vanished, share of the whole
 
 

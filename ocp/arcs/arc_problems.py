@@ -8,16 +8,15 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs.arcs import Arc, Kind
 from ocp.arcs.state_limit_multipliers import Jump, Pressure
+from ocp.checks import Array
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.solution import Solution
+from ocp.solution.structure import Arc, Kind
 from ocp.solving.ipopt import Answer
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,13 +11,14 @@ import numpy as np
 from ocp import checks
 from ocp.arcs.arc_nlp import ArcProgramme, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
-from ocp.arcs.arcs import Arc, durations, elements_of, key_of, tabulate
+from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
 from ocp.arcs.optimality_check import EXCESS, certify, complaint
 from ocp.arcs.polishing import RESIDUAL
 from ocp.arcs.revision import revise, swapped, without_vanished
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Problem, same_structure
 from ocp.solution.solution import Solution, Status, Timings
+from ocp.solution.structure import Arc
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.starts import from_solution
 

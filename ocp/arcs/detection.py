@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.arcs.arcs import Arc, Contact, Kind, merged
+from ocp.arcs.arcs import merged
 from ocp.arcs.switching import switching_functions
+from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.solution import Solution
+from ocp.solution.structure import Arc, Contact, Kind
 from ocp.transcription.schemes.scheme import Control
 
-Array = np.ndarray
 EDGE = 0.02  # share of its range within which a control counts as being at a limit
 ACTIVE = 2e-4  # share of the range of a state limit within which it counts as active
 NEARLY = 2e-3  # share of it within which a contact is not over; on a coarse grid a held state bounces

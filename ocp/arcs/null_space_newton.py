@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.solution.solution import Status
 from ocp.solving.ipopt import Answer
 from ocp.transcription.nlp import Programme
 
-Array = np.ndarray
 Sides = tuple[Array, Array, Array, Array]  # lower and upper bounds of unknowns, then of rows
 ENOUGH = 1e-9  # of the scaled unknowns; the next correction would be rounding, as convergence is quadratic
 MOST_ITERATIONS = 10

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
-from ocp.arcs.arcs import Contact, Kind
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.arcs.switching import switching_functions
+from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
+from ocp.solution.structure import Contact, Kind
 from ocp.transcription.schemes.scheme import Scheme
 
-Array = np.ndarray
 GAP = 1e-7  # share of the cost that wrong controls may leave
 EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
 BETWEEN = 16  # places on each element at which state limits are checked

@@ -20,14 +20,14 @@ from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.attached_problem import with_model
 from ocp.solution.solution import Solution, Status, Timings
-from ocp.solving.diagnosis import between_points
+from ocp.solution.violations import between_points
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.solver import solve
 from ocp.solving.starts import from_solution
 from ocp.transcription.grid import Grid
-from ocp.transcription.schemes.scheme import Control, Scheme, legendre
+from ocp.transcription.schemes.gauss_legendre import legendre
+from ocp.transcription.schemes.scheme import Control, Scheme
 
-Array = np.ndarray
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 5e-7  # local error of the dynamics on an element, share of the range of a state, that is small enough

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ocp.arcs.arc_problems import ArcMotion
-from ocp.arcs.arcs import Arc, Contact, Kind, merged
+from ocp.arcs.arcs import merged
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
 from ocp.problem.state_constraints import StateLimit
+from ocp.solution.structure import Arc, Contact, Kind
 
 VANISHED = 1e-7  # share of the whole duration below which an arc is dropped
 WHOLE = 0.9  # share of a spell with the wrong sign above which the spell changes its kind

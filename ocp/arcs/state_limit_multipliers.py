@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.arcs.arcs import Contact
+from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
+from ocp.numerics.polynomials import lagrange_matrix, slope_matrix
 from ocp.problem.state_constraints import StateLimit
+from ocp.solution.structure import Contact
 from ocp.solving.ipopt import Answer
 from ocp.transcription.arc_division import Condition
 from ocp.transcription.grid import Grid
 from ocp.transcription.nlp import Programme
-from ocp.transcription.schemes.scheme import lagrange_matrix, slope_matrix
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

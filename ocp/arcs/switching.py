@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Bolza, Problem
 from ocp.system import System
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

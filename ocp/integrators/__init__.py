@@ -8,16 +8,16 @@ of one width: `euler`, `heun`, `runge_kutta_4`, `predictor_corrector`, `gauss` a
 
 from __future__ import annotations
 
-from ocp.integrators import tableaux as tableau
+from ocp.checks import Array
+from ocp.integrators import tableaux
 from ocp.integrators.adaptive_step import AdaptiveStep
-from ocp.integrators.contracts import Array
 from ocp.integrators.cvodes import Cvodes, Multistep
-from ocp.integrators.dormand_prince import DORMAND_PRINCE_5, DORMAND_PRINCE_8
 from ocp.integrators.extrapolation import Extrapolation
 from ocp.integrators.fixed_step import FixedStep
 from ocp.integrators.predictor_corrector import PredictorCorrector
 from ocp.integrators.runge_kutta import RadauWithEstimate, RungeKutta
 from ocp.integrators.stoermer_verlet import StoermerVerlet
+from ocp.integrators.tableaux import DORMAND_PRINCE_5, DORMAND_PRINCE_8
 
 
 def extrapolation(rtol: float = 1e-12, atol: float | Array = 1e-12) -> Extrapolation:
@@ -80,7 +80,7 @@ def euler(step: float) -> FixedStep:
     Args:
         step: [s].
     """
-    return FixedStep(RungeKutta(tableau.EULER), step)
+    return FixedStep(RungeKutta(tableaux.EULER), step)
 
 
 def heun(step: float) -> FixedStep:
@@ -89,7 +89,7 @@ def heun(step: float) -> FixedStep:
     Args:
         step: [s].
     """
-    return FixedStep(RungeKutta(tableau.HEUN), step)
+    return FixedStep(RungeKutta(tableaux.HEUN), step)
 
 
 def runge_kutta_4(step: float) -> FixedStep:
@@ -98,7 +98,7 @@ def runge_kutta_4(step: float) -> FixedStep:
     Args:
         step: [s].
     """
-    return FixedStep(RungeKutta(tableau.KUTTA), step)
+    return FixedStep(RungeKutta(tableaux.KUTTA), step)
 
 
 def predictor_corrector(step: float, corrections: int = 2) -> FixedStep:
@@ -118,7 +118,7 @@ def gauss(stages: int, step: float) -> FixedStep:
         stages: 1 (the implicit midpoint rule) to 12.
         step: [s].
     """
-    return FixedStep(RungeKutta(tableau.gauss(stages)), step)
+    return FixedStep(RungeKutta(tableaux.gauss(stages)), step)
 
 
 def radau_iia(stages: int, step: float) -> FixedStep:
@@ -128,7 +128,7 @@ def radau_iia(stages: int, step: float) -> FixedStep:
         stages: 1 (the implicit Euler method) to 12.
         step: [s].
     """
-    return FixedStep(RungeKutta(tableau.radau_iia(stages)), step)
+    return FixedStep(RungeKutta(tableaux.radau_iia(stages)), step)
 
 
 def stoermer_verlet(step: float) -> FixedStep:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.integrators.contracts import Array, Passage, check_components, check_tolerances, stopped
+from ocp.checks import Array
+from ocp.integrators.contracts import Passage, Rule, check_components, check_tolerances, rate, stopped
 from ocp.integrators.control_pieces import Piece, Polynomial
-from ocp.integrators.rule import Rule, rate
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.solution.solution import Solution
 
-Array = np.ndarray
 ControlOf = Callable[[float], Array]
 Controls = Solution | ControlOf | Sequence[float] | Array
 

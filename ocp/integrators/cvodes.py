@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ocp.integrators.contracts import Array, Passage, check_components, check_tolerances, stopped
+from ocp.checks import Array
+from ocp.integrators.contracts import Passage, check_components, check_tolerances, rate, stopped
 from ocp.integrators.control_pieces import ControlOf, Piece, Polynomial
-from ocp.integrators.rule import rate
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.system import System
 

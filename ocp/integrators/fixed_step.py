@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.integrators.contracts import Array, Passage, check_step, stopped
+from ocp.checks import Array
+from ocp.integrators.contracts import Passage, Rule, check_step, stopped
 from ocp.integrators.control_pieces import Piece
-from ocp.integrators.rule import Rule
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED

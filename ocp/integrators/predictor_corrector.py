@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.integrators.rule import Array, rate, symbols
+from ocp.checks import Array
+from ocp.integrators.contracts import rate, symbols
 from ocp.system import System
 
 

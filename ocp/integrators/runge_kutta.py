@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.integrators.rule import Array, rate, symbols
+from ocp.checks import Array
+from ocp.integrators.contracts import rate, symbols
 from ocp.integrators.tableaux import Tableau, radau_iia
 from ocp.numerics.newton import root
 from ocp.system import System

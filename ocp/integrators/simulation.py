@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.integrators.contracts import Method, Passage, check_components, check_tolerances, stopped
 from ocp.integrators.control_pieces import Controls, Piece, at_start, pieces
 from ocp.integrators.extrapolation import Extrapolation
@@ -16,7 +17,6 @@ from ocp.problem.singularities import between, meeting
 from ocp.solution.solution import OUTSIDE, Solution
 from ocp.system import System, rates
 
-Array = np.ndarray
 WATCHED = 100  # intervals at least in which a motion is looked at that may step over a singularity
 
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.numerics.evaluation import Evaluation
 from ocp.system import System
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 
 

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ocp.integrators.rule import Array, symbols
+from ocp.checks import Array
+from ocp.integrators.contracts import symbols
 from ocp.numerics.newton import root
 from ocp.system import System
 

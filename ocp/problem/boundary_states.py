@@ -7,10 +7,10 @@ import functools
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 
-Array = np.ndarray
 ITERATIONS, CLOSE = 30, 1e-12  # of Gauss-Newton, and share of the values that may be left
 
 

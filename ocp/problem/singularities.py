@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
+from ocp.problem.boundary_states import ends
+from ocp.problem.constraints import Where, simple
+from ocp.problem.problem import Problem
 from ocp.system import Singularity, System, rates
 
-Array = np.ndarray
 BETWEEN = 8  # places looked at between two states of a motion
 
 
@@ -103,3 +106,37 @@ def met_at(system: System, place: Singularity, x: Array) -> str:
     pairs = zip(ca.vertsplit(system.x), system.label("x", len(x)), x, strict=True)
     known = [f"{label.name} = {value:.3g}" for symbol, label, value in pairs if symbol.element_hash() in used]
     return f" (met at {', '.join(known)})" if known else ""
+
+
+def singular_ends(phases: tuple[Problem, ...], values: list[list[float]]) -> Iterator[str]:
+    """Yield ends that lie at a singularity of the system, or that one separates: no motion leads from one to another.
+
+    Args:
+        phases: the problems.
+        values: of the parameters of each; a quantity with a parameter that is an unknown is not judged.
+    """
+    for phase, numbers in zip(phases, values, strict=True):
+        system = phase.system
+        if not system.singular:
+            continue
+        unknown = any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to)
+        first, last, _ = ends(phase, ca.DM(numbers))
+        start, end = _fixed(phase, Where.START), _fixed(phase, Where.END)
+        sizes = quantities(system, np.stack([first, last]), numbers)
+        for place, (low, high) in zip(system.singular, sizes, strict=True):
+            if unknown and ca.depends_on(place.quantity, system.p):
+                continue
+            used = {symbol.element_hash() for symbol in ca.symvar(place.quantity)}
+            used -= {symbol.element_hash() for symbol in ca.vertsplit(system.p)}
+            for where, known, size, x in (("start", start, low, first), ("end", end, high, last)):
+                if used <= known and not abs(size) > place.least:
+                    yield f"the {where} is singular: {place.words}{met_at(system, place, x)}"
+            if used <= start and used <= end and low * high < 0.0:
+                yield f"start and end lie on two sides of a singularity: {place.words}"
+
+
+def _fixed(phase: Problem, where: Where) -> set[int]:
+    """Return the states that have one value at an end."""
+    low, high = phase.limits(where, phase.system.x)
+    pairs = zip(ca.vertsplit(phase.system.x), low, high, strict=True)
+    return {symbol.element_hash() for symbol, a, b in pairs if a == b}

@@ -11,7 +11,6 @@ from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 from ocp.system import Label
 
-Array = np.ndarray
 HIGHEST = 4  # order up to which a limit is held by index reduction
 
 

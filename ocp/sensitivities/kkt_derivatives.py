@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.sensitivities.kkt_root import Bounds, Optimum
 from ocp.sensitivities.kkt_system import Conditions, evaluate
 from ocp.transcription.nlp import Programme
 
-Array = np.ndarray
 REFINEMENTS = 1
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
 NOTHING = 1e-9  # share of the cost that counts as no change of it

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.sensitivities.kkt_system import Conditions, Evaluation, conditions, evaluate
 from ocp.transcription.nlp import Programme
 
-Array = np.ndarray
 Bounds = tuple[Array, Array, Array, Array]  # lower, upper of the unknowns (nz,), lower, upper of the rows (ng,)
 FIRST, LAST = 1e-10, 1e-20  # mu at the start and at the end
 STEPS, TO_BOUNDARY = 24, 1.0 - 1e-6

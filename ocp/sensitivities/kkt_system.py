@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.transcription.layout import Layout
 from ocp.transcription.nlp import Programme
 
-Array = np.ndarray
 DEPENDENT = 1e-11  # taken off the diagonal of the rows, so that rows may depend on each other; refined away
 
 

@@ -8,12 +8,11 @@ from enum import Enum
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
+from ocp.numerics.polynomials import slope_matrix
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.system import slopes
-from ocp.transcription.schemes.scheme import slope_matrix
-
-Array = np.ndarray
 
 
 class Held(Enum):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ocp.arcs.arc_nlp import ArcProgramme, pose_arcs
 from ocp.arcs.arc_problems import arc_problem
+from ocp.checks import Array
 from ocp.problem.problem import Fixed, Problem
 from ocp.sensitivities.kkt_root import Bounds, Optimum
 from ocp.sensitivities.kkt_system import evaluate
@@ -22,8 +23,6 @@ from ocp.transcription.grid import uniform
 from ocp.transcription.nlp import Programme, bounds
 from ocp.transcription.scaling import Scaling, from_limits
 from ocp.transcription.schemes.scheme import Scheme
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

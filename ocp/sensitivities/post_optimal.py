@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.problem.problem import Problem, same_structure
 from ocp.sensitivities.kkt_derivatives import WEAK, Derivative, Direction, differentiate
 from ocp.sensitivities.kkt_root import Optimum, settle, start
@@ -21,7 +22,6 @@ from ocp.solution.attached_problem import with_model
 from ocp.solution.solution import Solution
 from ocp.system import Label
 
-Array = np.ndarray
 OPEN = 1e-7  # residual of the conditions of optimality above which it is told
 DISAGREEMENT = 1e-6  # of both ways to the change of the cost, above which it is told
 STILL = 1e-6  # share of the largest change of an unknown below which a limit that is only just met stays as it is

@@ -11,17 +11,19 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.arcs.arcs import Structure
+from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.problem import Problem
+from ocp.solution.accuracy import Accuracy
+from ocp.solution.structure import Structure
 from ocp.system import rates
 from ocp.transcription.grid import Grid
+from ocp.transcription.packing import Multipliers
 from ocp.transcription.schemes.scheme import Scheme
 
 if TYPE_CHECKING:
-    from ocp.accuracy.error_estimate import Errors
+    pass
 
-Array = np.ndarray
 # Times outside the motion by less than this share of the duration are rounding.
 OUTSIDE = 1e-9
 GAUSS = np.polynomial.legendre.leggauss(4)
@@ -47,41 +49,6 @@ class Timings:
     derivatives: float  # evaluation of cost, constraints and their derivatives
     solver: float  # the rest of the solve: linear algebra and line search
     total: float
-
-
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """Multipliers of the limits, -d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
-
-    Those of shared unknowns (ends of elements) stand on both sides.
-    """
-
-    x: Array  # (N, m, nx) of the state unknowns [cost / unit of the state]
-    u: Array  # (N, c, nu) of the control unknowns [cost / unit of the control]
-    path: Array  # (N, l) of the limited expressions that are no unknowns, on every element, one after the other
-    ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
-
-
-@dataclass(frozen=True, eq=False)
-class Accuracy:
-    """How good a rung of a refinement is, what it has cost so far, and why the refinement ended there if it did."""
-
-    error: float  # estimated, in `unit`
-    tol: float  # asked for
-    unit: str
-    what: str  # is wrong by `error`
-    seconds: float  # since the refinement began [s]
-    errors: Errors
-    reason: str = ""  # why this is the last rung; empty if it is not
-
-    @property
-    def met(self) -> bool:
-        """Whether the estimated error is within the tolerance."""
-        return self.error <= self.tol
-
-    def __str__(self) -> str:
-        ending = f": {self.reason}" if self.reason else ""
-        return f"{self.what} to {self.error:.1e} {self.unit}, asked {self.tol:g}, after {self.seconds:.2f} s{ending}"
 
 
 @dataclass(frozen=True, eq=False)

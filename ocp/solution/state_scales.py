@@ -5,11 +5,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
-Array = np.ndarray
 # A drift of a millionth of this share of a value is what an integration at 1e-12 leaves of it.
 ROUNDING = 1e-6
 

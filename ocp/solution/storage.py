@@ -14,11 +14,15 @@ from typing import Any
 import numpy as np
 
 from ocp import checks
-from ocp.arcs.arcs import Arc, Contact, Kind, Row, Structure
 from ocp.problem.problem import Problem
-from ocp.solution.solution import Multipliers, Solution, Status, Timings
+from ocp.solution.solution import Solution, Status, Timings
+from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
 from ocp.transcription.grid import Grid
-from ocp.transcription.schemes.scheme import Control, Scheme, legendre, lobatto, radau
+from ocp.transcription.packing import Multipliers
+from ocp.transcription.schemes.gauss_legendre import legendre
+from ocp.transcription.schemes.lobatto_iiia import lobatto
+from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.scheme import Control, Scheme
 
 FORMAT = "hamel-solution"
 VERSION = 2  # 1 had no multipliers of limits

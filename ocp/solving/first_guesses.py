@@ -4,76 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence as Several
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from ocp import checks
+from ocp.checks import Array
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Free, Problem, parameters
 from ocp.system import slopes
+from ocp.transcription.guess import Guess
 
-Array = np.ndarray
 PLACES = 11  # at which the controls of a straight line are balanced
 SMOOTH_PLACES = 41  # of a smooth motion
 STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
 SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # of the guessed duration, while nothing keeps the motion from being shorter
 ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and share of their rates that may be left
-
-
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """A motion on shares of the horizon, interpolated linearly.
-
-    Args:
-        share: (K,) increasing, from 0 to 1.
-        x: (K, nx) states.
-        u: (K, nu) controls.
-        duration: [s].
-        free: (nf,) values of the free parameters, empty for their nominal ones.
-    """
-
-    share: Array
-    x: Array
-    u: Array
-    duration: float
-    free: Array
-
-    def __post_init__(self) -> None:
-        share = checks.real(self.share)
-        if (
-            share is None
-            or share.ndim != 1
-            or len(share) < 2
-            or not np.all(np.isfinite(share))
-            or not (np.all(np.diff(share) >= 0.0) and share[0] == 0.0 and share[-1] == 1.0)
-        ):
-            raise checks.refused("Guess: share", self.share, "increasing numbers from 0 to 1")
-        object.__setattr__(self, "share", share.copy())
-        for name in ("x", "u"):
-            table = checks.real(getattr(self, name))  # a guess that is not finite is told by the solve
-            if table is None:
-                raise checks.refused(f"Guess: {name}", getattr(self, name), "numbers, one row for each share")
-            object.__setattr__(self, name, table.copy())
-            rows = table.shape
-            if len(rows) != 2 or rows[0] != len(share):
-                raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
-        checks.number("Guess: duration", self.duration, "a finite number of seconds >= 0", at_least=0.0)
-        free = checks.places("Guess: free", self.free, "values of the free parameters, none for their nominal ones")
-        object.__setattr__(self, "free", free)
-
-    def state(self, share: Array) -> Array:
-        """Return x at shares of the horizon, shape (..., nx)."""
-        checks.numbers("share", share, "shares of the horizon, numbers")
-        return _interpolate(share, self.share, self.x)
-
-    def control(self, share: Array) -> Array:
-        """Return u at shares of the horizon, shape (..., nu)."""
-        checks.numbers("share", share, "shares of the horizon, numbers")
-        return _interpolate(share, self.share, self.u)
 
 
 def straight_line(problem: Problem, values: Several[float]) -> Guess:
@@ -291,8 +238,3 @@ def _least_squares(matrices: Array, right: Array) -> Array:
     size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
     size = np.where(size > 0.0, size, 1.0)
     return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)
-
-
-def _interpolate(share: Array, places_: Array, values: Array) -> Array:
-    columns = [np.interp(share, places_, column) for column in values.T]
-    return np.stack(columns, axis=-1) if columns else np.zeros((*np.shape(share), 0))

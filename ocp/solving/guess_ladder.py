@@ -5,31 +5,68 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from ocp import checks
 from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
-from ocp.problem.sequence import Sequence
+from ocp.problem.sequence import Sequence, parameter_values, phases_of
 from ocp.solution.solution import Status
-from ocp.solving.first_guesses import Guess, smooth, straight_line
-from ocp.solving.starts import Outcome, as_guesses, chain, parameter_values, phases_of
+from ocp.solving.first_guesses import smooth, straight_line
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.starts import Outcome, as_guesses, chain
 from ocp.transcription.grid import Grid
-
-if TYPE_CHECKING:
-    from ocp.solving.solver import Prepared
+from ocp.transcription.guess import Guess
 
 Values = Mapping[str, float] | None
 PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
 ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # for the shortest motion that a failed solve is compared with
 
 
-class Rung(Protocol):
-    """Something that makes a guess for a prepared programme."""
+class Solvable(Protocol):
+    """What the ladder needs of a prepared NLP (`ocp.Prepared` is one): attempts, and related problems prepared anew."""
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+    @property
+    def problem(self) -> Problem | Sequence:
+        """The problem."""
+        ...
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of every phase."""
+        ...
+
+    @property
+    def settings(self) -> Ipopt:
+        """Settings of the solver."""
+        ...
+
+    @property
+    def first(self) -> tuple[object, object, list[Guess]] | None:
+        """Problem, parameter values and the smooth guess made for them while preparing; None if none was made."""
+        ...
+
+    def attempt(
+        self, guesses: list[Guess], values: list[list[float]], warm: bool = ..., rung: str = ..., spent: float = ...
+    ) -> Outcome:
+        """Solve once from one guess for each phase."""
+        ...
+
+    def on(self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Values) -> Solvable:
+        """Return another problem prepared on another grid, with the same scheme."""
+        ...
+
+    def __call__(self, guess: Any = ..., values: Values = ..., problem: Problem | Sequence | None = ...) -> Outcome:
+        """Solve from a guess or a ladder of rungs."""
+        ...
+
+
+class Rung(Protocol):
+    """Something that makes an initial guess for a prepared NLP."""
+
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return one guess for each phase and whether it is near a solution; None if there is none to give."""
         ...
 
@@ -38,7 +75,7 @@ class Rung(Protocol):
 class Smooth:
     """A smooth motion between the ends, states and controls by the system's own equations (`ocp.smooth`)."""
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool]:
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool]:
         """Return the guess of every phase; the scaling may have needed it already."""
         numbers = parameter_values(prepared.problem, values)
         if prepared.first is not None and prepared.first[0] is prepared.problem and prepared.first[1] == numbers:
@@ -50,7 +87,7 @@ class Smooth:
 class StraightLine:
     """The straight line between the ends, controls that balance the system (`ocp.straight_line`)."""
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool]:
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool]:
         """Return the guess of every phase."""
         return chain(prepared.problem, parameter_values(prepared.problem, values), straight_line), False
 
@@ -64,10 +101,9 @@ class CoarseGrid:
     def __post_init__(self) -> None:
         checks.whole("CoarseGrid: factor", self.factor, 2)
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the coarse solution, or None if it fails."""
-        programme = prepared.compound.programmes[0]
-        ends = programme.grid.ends
+        ends = prepared.grid.ends
         places = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
         if len(places) >= len(ends):
             return None
@@ -88,7 +124,7 @@ class WiderLimits:
         if not np.all(checks.column("WiderLimits: factors", self.factors, expected=wanted) >= 1.0):
             raise checks.refused("WiderLimits: factors", self.factors, wanted)
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution with the last wider limits, or None if none of them is solved."""
         found: Any = None
         for factor in self.factors:
@@ -118,7 +154,7 @@ class ParameterPath:
         checks.number("ParameterPath: easy", self.easy)
         checks.whole("ParameterPath: steps", self.steps, 1)
 
-    def __call__(self, prepared: Prepared, values: Values) -> tuple[list[Guess], bool] | None:
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution one step before the parameter's own value, or None if a step fails."""
         own = {name: value for phase in phases_of(prepared.problem) for name, value in phase.system.nominal.items()}
         if self.name not in own:
@@ -136,7 +172,7 @@ class ParameterPath:
 DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), WiderLimits())
 
 
-def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcome:
+def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcome:
     """Try rungs in order until one is solved; else return the attempt that violates its constraints least.
 
     Args:
@@ -174,9 +210,9 @@ def climb(prepared: Prepared, rungs: tuple[Rung, ...], values: Values) -> Outcom
     return replace(best, message=f"{best.message}{advice} (guesses tried: {', '.join(tried)})")
 
 
-def _shortest(prepared: Prepared, values: Values) -> str:
+def _shortest(prepared: Solvable, values: Values) -> str:
     """Return, for a fixed duration that is too short, what the shortest motion within the same limits takes."""
-    problem, programme = prepared.problem, prepared.compound.programmes[0]
+    problem = prepared.problem
     if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
         return ""
     asked = problem.horizon.duration
@@ -185,7 +221,7 @@ def _shortest(prepared: Prepared, values: Values) -> str:
         return ""  # nothing keeps the motion from being arbitrarily short
     brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
     fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
-    found = prepared.on(fastest, programme.grid, brief, values)((Smooth(),), values)
+    found = prepared.on(fastest, prepared.grid, brief, values)((Smooth(),), values)
     if not found.ok or found.duration <= asked:
         return ""
     return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"

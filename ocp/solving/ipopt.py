@@ -16,9 +16,8 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.solution.solution import Status
-
-Array = np.ndarray
 
 STATUS = {
     "Solve_Succeeded": Status.SOLVED,

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
-from ocp.problem.problem import Free, Problem
-from ocp.problem.sequence import Sequence
-from ocp.solving.first_guesses import Guess
-from ocp.solving.starts import phases_of
-from ocp.system import slopes
+from ocp.problem.problem import Fixed, Free, Problem
+from ocp.problem.sequence import Sequence, phases_of
+from ocp.system import Label, slopes
+from ocp.transcription.guess import Guess
 
-Array = np.ndarray
 ROUNDING = 1e-9  # share of what a value is made of
 
 
@@ -69,3 +70,147 @@ def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Gue
     low, high = problem.limits(Where.ALONG, system.u)
     u = np.clip(guess.u[:1], low, high)
     return Guess(np.array([0.0, 1.0]), np.array([first, first]), np.vstack([u, u]), 0.0, np.zeros(0)), float(final)
+
+
+def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> Iterator[str]:
+    """Yield what no motion can meet with these parameter values: limits or ends that exclude each other."""
+    for phase, numbers in zip(_phases(problem), values, strict=True):
+        system = phase.system
+        for kind, symbols in (("x", system.x), ("u", system.u), ("p", system.p)):
+            labels = _labels(phase, kind, symbols)
+            low, high = phase.limits(Where.ALONG, symbols)
+            for label, a, b in zip(labels, low, high, strict=True):
+                if a > b:
+                    yield (
+                        f"the limits of {label.name} along the motion exclude each other: at least {a:.6g}, "
+                        f"at most {b:.6g} {label.unit}; loosen one"
+                    )
+            if kind != "x":
+                continue
+            for where in (Where.START, Where.END):
+                for label, a, b, under, over in zip(labels, low, high, *phase.limits(where, symbols), strict=True):
+                    yield from _end_against_limit(label, where.value, (a, b), (under, over))
+        yield from _ends_outside(phase, ca.DM(numbers))
+        yield from _too_far(phase, ca.DM(numbers))
+
+
+def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
+    """Yield states that must travel further than limits on their rate allow in the longest duration."""
+    system, horizon = phase.system, phase.horizon
+    longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
+    limited = [c for c in phase.subject_to if c.where is Where.ALONG]
+    if not np.isfinite(longest) or not limited:
+        return
+    low, high = phase.limits(Where.START, system.x)
+    last_low, last_high = phase.limits(Where.END, system.x)
+    expression = ca.vertcat(*(c.expression for c in limited))
+    lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
+    # Which limited expression is the rate of which state is found by numbers: graphs of one value may differ.
+    everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
+    draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
+    seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
+    rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
+    labels = _labels(phase, "x", system.x)
+    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
+    for i, c in np.argwhere(alike.all(axis=0)).tolist():
+        label = labels[i]
+        for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
+            if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
+                yield (
+                    f"{label.name} has {way:.4g} {label.unit} to go, which takes at least {way / fastest:.4g} s at "
+                    f"its limit of {fastest:.4g} {label.unit}/s, and the duration is at most {longest:.4g} s; "
+                    "allow more time or more speed"
+                )
+
+
+def _end_against_limit(
+    label: Label, where: str, along: tuple[float, float], there: tuple[float, float]
+) -> Iterator[str]:
+    low, high = along
+    under, over = there
+    if under > over:
+        yield f"{label.name} shall be {under:.6g} and {over:.6g} {label.unit} at the {where}; keep one"
+    elif low <= high and (under > high or over < low):
+        value, limit, side = (under, high, "above") if under > high else (over, low, "below")
+        yield (
+            f"{label.name} is {value:.6g} {label.unit} at the {where}, {side} its limit of {limit:.6g} by "
+            f"{abs(value - limit):.3g} {label.unit}; move the {where} inside or widen the limit"
+        )
+
+
+def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
+    """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state.
+
+    A problem with free parameters is not judged: another value may move the end inside.
+    """
+    system = phase.system
+    if any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to):
+        return
+    states = [
+        c
+        for c in phase.subject_to
+        if c.where is Where.ALONG
+        and not ca.depends_on(c.expression, system.u)
+        and len(simple(c, ca.vertcat(system.x, system.p))) < c.expression.numel()
+    ]
+    if not states or ca.symvar(ca.vertcat(*(c.expression for c in states))) == []:
+        return
+    first, last, fixed = ends(phase, p)
+    for where, x, whole in ((Where.START, first, fixed[0]), (Where.END, last, fixed[1])):
+        if not whole:
+            continue
+        for constraint in states:
+            c = constraint.expression
+            sizes = ca.mtimes(ca.fabs(ca.jacobian(c, system.x)), ca.fabs(system.x))
+            value, size = np.array(ca.Function("c", [system.x, system.p], [ca.horzcat(c, sizes)])(x, p)).T
+            size = np.nanmax(np.abs([value, size]), axis=0)  # of the terms; rounding is a share of it
+            beyond = np.maximum(constraint.lower - value, value - constraint.upper)
+            for label, amount, got, least in zip(phase.labels(constraint), beyond, value, size, strict=True):
+                if amount > ROUNDING * least and not c.is_symbolic() and label.name not in _state_names(phase):
+                    shown = f"{got:.6g} {label.unit}".strip()
+                    yield (
+                        f"{label.name} is {shown} at the {where.value} and breaks its limit along the "
+                        f"motion by {amount:.3g}; move the {where.value} or the limit"
+                    )
+
+
+def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[list[float]]) -> Iterator[str]:
+    """Yield which rate, limit or cost is not finite on the guess, where, and on which states it depends."""
+    for phase, guess, numbers in zip(_phases(problem), guesses, values, strict=True):
+        system = phase.system
+        expressions = [system.rate, *(c.expression for c in phase.subject_to), phase.minimise.running]
+        everything = ca.vertcat(*expressions)
+        function = ca.Function("all", [system.x, system.u, system.p], [ca.densify(everything)]).map(len(guess.share))
+        p = np.tile(np.array(numbers, dtype=float)[:, None], len(guess.share))
+        found = np.array(function(guess.x.T, guess.u.T, p))
+        bad = np.argwhere(~np.isfinite(found.T))
+        if not len(bad):
+            continue
+        names = [f"d{label.name}/dt" for label in _labels(phase, "x", system.x)]
+        names += [label.name for constraint in phase.subject_to for label in phase.labels(constraint)]
+        named = list(zip([*names, "the running cost"], ca.vertsplit(everything), strict=True))
+        place, i = bad[0]
+        name, expression = named[i]
+        used = {symbol.element_hash() for symbol in ca.symvar(expression)}
+        states = zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), guess.x[place], strict=True)
+        at = [f"{label.name} = {value:.6g}" for symbol, label, value in states if symbol.element_hash() in used]
+        when = f"after {100.0 * guess.share[place]:.3g} % of the duration" if place else "at the start"
+        yield (
+            f"{name} is {found[i, place]} {when} of the first guess"
+            f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this place, or a model without "
+            "the singularity"
+        )
+
+
+def _labels(phase: Problem, kind: str, symbols: ca.SX) -> tuple[Label, ...]:
+    if kind == "p":
+        return tuple(Label(name) for name in phase.system.nominal)
+    return phase.system.label(kind, symbols.numel())
+
+
+def _state_names(phase: Problem) -> set[str]:
+    return {label.name for label in _labels(phase, "x", phase.system.x)}
+
+
+def _phases(problem: Problem | Sequence) -> tuple[Problem, ...]:
+    return (problem,) if isinstance(problem, Problem) else problem.problems

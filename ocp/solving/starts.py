@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from collections.abc import Sequence as Several
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +15,13 @@ import numpy as np
 from ocp import checks
 from ocp.problem.constraints import start
 from ocp.problem.problem import Problem, parameters
-from ocp.problem.sequence import Sequence, SequenceSolution
+from ocp.problem.sequence import Sequence, phases_of
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.storage import load
-from ocp.solving.first_guesses import Guess
 from ocp.solving.ipopt import Ipopt
 from ocp.transcription.grid import Grid
+from ocp.transcription.guess import Guess
 from ocp.transcription.schemes.scheme import Scheme
 
 Start = Guess | Solution | SequenceSolution | str | os.PathLike[str]
@@ -28,31 +29,8 @@ Outcome = Any  # Solution for a Problem, SequenceSolution for a Sequence
 STARTS = (Guess, Solution, SequenceSolution, str, os.PathLike)
 
 
-def phases_of(problem: Problem | Sequence) -> tuple[Problem, ...]:
-    """Return the problems of a sequence, or the problem itself as the only one."""
-    checks.instance("problem", problem, Problem | Sequence, "a Problem or a Sequence")
-    return problem.problems if isinstance(problem, Sequence) else (problem,)
-
-
-def parameter_values(problem: Problem | Sequence, values: Mapping[str, float] | None) -> list[list[float]]:
-    """Return the parameter values of every phase, nominal where `values` is silent.
-
-    Raises:
-        ValueError: no phase has a parameter that `values` names.
-    """
-    given = {} if values is None else values
-    checks.mapping("values", given, "a dict parameter name -> number, or None")
-    known = {name for phase in phases_of(problem) for name in phase.system.nominal}
-    if not known.issuperset(given):
-        phases_of(problem)[0].system.values({name: 0.0 for name in given if name not in known})
-    return [
-        phase.system.values({n: v for n, v in given.items() if n in phase.system.nominal})
-        for phase in phases_of(problem)
-    ]
-
-
 def is_ladder(guess: Any) -> bool:
-    """Return whether a guess is a ladder of rungs (see `ocp.ladder`)."""
+    """Return whether a guess is a ladder of rungs (see `ocp.solving.guess_ladder`)."""
     rungs = isinstance(guess, list | tuple) and len(guess) > 0 and not isinstance(guess[0], STARTS)
     return rungs and all(callable(rung) and not isinstance(rung, type) for rung in guess)
 

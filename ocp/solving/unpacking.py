@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ocp.solution.singularity import touched
 from ocp.solution.solution import Solution, Status, Timings
+from ocp.solution.violations import touched
 from ocp.solving.ipopt import Answer
-from ocp.transcription.nlp import Programme, unpack
+from ocp.transcription.nlp import Programme
+from ocp.transcription.packing import unpack
 
 
 def solutions_of(

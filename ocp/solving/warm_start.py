@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ocp.checks import Array
 from ocp.solution.solution import Solution
 from ocp.transcription.nlp import Programme
-
-Array = np.ndarray
 
 
 def multipliers(programme: Programme, solution: Solution) -> tuple[Array, Array]:

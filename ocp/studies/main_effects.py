@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.studies.table import StudyTable
 from ocp.studies.warm_start_tree import neighbours
 
-Array = np.ndarray
 STEEP = 5.0  # times the change of slope from one side to the other
 ROUNDING = 1e-4  # share of the value below which nothing is a jump
 

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from ocp import checks
+from ocp.checks import Array
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode
 from ocp.studies.case_record import Record
 from ocp.studies.designs import Case, Design, Product
 
-Array = np.ndarray
 WORDS = ("status", "way", "message")
 
 

@@ -18,12 +18,13 @@ from ocp import checks
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
 from ocp.arcs.polishing import polish
 from ocp.problem.problem import Problem
-from ocp.problem.sequence import Sequence, SequenceSolution
+from ocp.problem.sequence import Sequence
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode, encode
 from ocp.solving.guess_ladder import DEFAULT, Smooth, StraightLine
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.solver import Prepared, prepare
+from ocp.solving.prepared import Prepared, prepare
 from ocp.studies.case_record import Record
 from ocp.studies.case_slopes import tangents
 from ocp.studies.content_hash import canonical

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
-Array = np.ndarray
+from ocp.checks import Array
 
 
 @dataclass(frozen=True, eq=False)

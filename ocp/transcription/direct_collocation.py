@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.numerics.compilation import Compile
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Fixed, Problem
@@ -22,8 +23,6 @@ from ocp.transcription.layout import Layout, lay_out
 from ocp.transcription.nlp import Programme
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Control, Scheme
-
-Array = np.ndarray
 
 
 def transcribe(

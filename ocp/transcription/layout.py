@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ocp.checks import Array
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Control, Scheme
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,14 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.numerics.compilation import Compilation
 from ocp.problem.constraints import Where
-from ocp.problem.problem import Fixed, Free, Problem
-from ocp.solution.solution import Multipliers
-from ocp.solving.first_guesses import Guess
+from ocp.problem.problem import Free, Problem
 from ocp.transcription.grid import Grid
 from ocp.transcription.layout import Layout
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Scheme
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,62 +79,3 @@ def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
         rows_low[programme.ends[place]] = constraint.lower[c]
         rows_high[programme.ends[place]] = constraint.upper[c]
     return low, high, rows_low, rows_high
-
-
-def pack(programme: Programme, guess: Guess, values: list[float]) -> Array:
-    """Return the scaled unknowns (nz,) of a guess."""
-    layout, scaling, grid, scheme = programme.layout, programme.scaling, programme.grid, programme.scheme
-    z = np.zeros(layout.size)
-    starts, widths = grid.ends[:-1, None], grid.widths[:, None]
-    z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
-    # A constant control stands for the middle of its element, not for its start.
-    places = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
-    z[layout.control] = guess.control(starts + widths * places) / scaling.u
-    z[layout.horizon] = guess.duration / scaling.horizon
-    nominal = np.array([values[number] for number in programme.free])
-    z[layout.free] = (guess.free if len(guess.free) == len(nominal) else nominal) / scaling.free
-    return z
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What scaled unknowns and multipliers stand for, in physical units."""
-
-    duration: float  # [s]
-    states: Array  # (N, m, nx)
-    controls: Array  # (N, c, nu)
-    slopes: Array  # (N, e, nx)
-    costates: Array  # (N, d, nx)
-    multipliers: Multipliers
-    free: Mapping[str, float]
-    values: Mapping[str, float]
-
-
-def unpack(programme: Programme, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
-    """Return the motion that scaled unknowns (nz,), multipliers of the rows (ng,) and of bounds (nz,) stand for."""
-    layout, scaling, problem, scheme = programme.layout, programme.scaling, programme.problem, programme.scheme
-    system = problem.system
-    if isinstance(problem.horizon, Fixed):
-        duration = problem.horizon.duration
-    else:
-        duration = float(z[layout.horizon[0]] * scaling.horizon)
-    names = list(system.nominal)
-    found = [float(value) for value in z[layout.free] * scaling.free]
-    free = {names[number]: value for number, value in zip(programme.free, found, strict=True)}
-    everything = {**dict(zip(names, values, strict=True)), **free}
-    states, controls = z[layout.state] * scaling.x, z[layout.control] * scaling.u
-    slopes = np.zeros((len(states), 0, states.shape[2]))
-    if scheme.slope_at_start:
-        rate = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(states))
-        first = np.einsum("m,kma->ak", scheme.control_at(np.zeros(1))[0], controls)
-        parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
-        widths = duration * programme.grid.widths
-        slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
-    # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
-    mu = multipliers[programme.defects]
-    costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
-    path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *programme.path)])
-    held = Multipliers(
-        limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[programme.ends]
-    )
-    return Motion(duration, states, controls, slopes, costates, held, free, everything)

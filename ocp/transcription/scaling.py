@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ocp.checks import Array
 from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Problem
-from ocp.solving.first_guesses import Guess
 from ocp.system import slopes as slopes_of
+from ocp.transcription.guess import Guess
 
-Array = np.ndarray
 NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
 COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
 OFFSET, STILL = 1e-5, 1e-12  # share of its value that a moving state is resolved to, and below which it rests

@@ -20,11 +20,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from benchmarks.problems import CASES, Array, Case, Pin, numbers
+from benchmarks.problems import CASES, Case, Pin, numbers
 
 from accuracy_bill.contenders import Contender, Run
 from accuracy_bill.scene import Scene
 from ocp import Ipopt
+from ocp.checks import Array
 
 MODULES = ("dymos", "openmdao", "pyoptsparse", "cyipopt")
 ELEMENTS, PASSES, TOLERANCE = 12, 12, 1e-9

@@ -12,7 +12,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from pictures.solution import finish
+from pictures.files import finish
 
 from accuracy_bill.pareto_front import Curve, Point, front
 

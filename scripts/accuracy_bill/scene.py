@@ -14,8 +14,8 @@ from models.forms import canonical, hamel, lagrange
 from models.scenes.catalogue import machines
 from models.scenes.scene_template import TASKS
 from ocp import Free, Problem, point_to_point
+from ocp.checks import Array
 
-Array = np.ndarray
 FORMS = {"canonical": canonical, "hamel": hamel, "lagrange": lagrange}
 
 

@@ -15,16 +15,16 @@ from pathlib import Path
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
-from pictures.solution import finish
+from pictures.files import finish
 
 from models import Manipulator
 from models.forms import canonical, hamel, lagrange
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
 from ocp import Solution, System, integrators, simulate
+from ocp.checks import Array
 from ocp.integrators.contracts import Method
 
-Array = np.ndarray
 Control = Solution | Callable[[float], Array] | Sequence[float] | Array
 FORMS = {"lagrange": lagrange, "hamel": hamel, "canonical": canonical}
 PLACES = 8  # times, beside the end, at which errors are taken

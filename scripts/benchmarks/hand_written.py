@@ -20,8 +20,8 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.problems import Case, Numbers, Outcome
+from ocp.checks import Array
 
-Array = np.ndarray
 DEGREE = 3
 Parts = tuple[dict[str, Any], dict[str, ca.Function]]  # the programme, and derivative functions if there are any
 

@@ -26,8 +26,8 @@ import numpy as np
 
 from benchmarks.problems import CASES, Case, Numbers, Outcome, numbers
 from ocp import Ipopt
+from ocp.checks import Array
 
-Array = np.ndarray
 Peer = Callable[[Case, Numbers], Outcome]
 WARM_UP = 4  # elements of the run that is not counted
 TOLERANCE = 1e-9

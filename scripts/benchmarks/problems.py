@@ -13,9 +13,9 @@ from models.effects import Gravity
 from models.forms import canonical
 from models.scenes.scene_template import TASKS
 from ocp import Bolza, Fixed, Free, Guess, Ipopt, Problem, System, along, end, radau, smooth, start, uniform
+from ocp.checks import Array
 from ocp.transcription.scaling import from_limits
 
-Array = np.ndarray
 Pin = tuple[ca.SX, Sequence[float] | Array]  # an expression in the state, and its values
 
 PI = float(np.pi)

@@ -18,26 +18,10 @@ from matplotlib.lines import Line2D
 from models import Manipulator
 from ocp import Problem, SequenceSolution, Solution, System
 from ocp.problem.constraints import Where
+from pictures.files import finish
 
 POSES = 7  # of the arm in the path picture
 MOTION, LIMIT, FAINT, ACCENT = "#1f4e79", "#b03a2e", "#9aa5b1", "#d98c1f"
-
-
-def finish(figure: Figure, path: Path, dpi: int = 150) -> None:
-    """Write a picture and close it; an existing file is replaced only when the new one is complete.
-
-    Args:
-        figure: of matplotlib.
-        path: of the picture; the suffix chooses the format.
-        dpi: dots per inch.
-    """
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
-    try:
-        figure.savefig(part, dpi=dpi)
-        part.replace(path)
-    finally:
-        plt.close(figure)
-        part.unlink(missing_ok=True)
 
 
 def time_optimal(

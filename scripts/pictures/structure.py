@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ocp import Problem, Solution
-from ocp.arcs.arcs import Kind, Row
 from ocp.arcs.switching import switching_functions
 from ocp.problem.constraints import Where
 from ocp.problem.state_constraints import StateLimit, state_limits
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, finish
+from ocp.solution.structure import Kind, Row
+from pictures.files import finish
+from pictures.solution import ACCENT, FAINT, LIMIT, MOTION
 
 PLACES = np.linspace(0.0, 1.0, 17)  # on each element at which curves are drawn
 # Of the palette of Okabe and Ito, which the colour-blind tell apart.

@@ -19,7 +19,8 @@ from matplotlib.ticker import MaxNLocator
 
 from ocp import StudyTable
 from ocp.studies.main_effects import influences, jumps
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, finish, pretty
+from pictures.files import finish
+from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, pretty
 
 MOST = 6  # panels of results
 SKIPPED = ("iterations", "cost")

@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from models import TorqueTable
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, finish, pretty
+from pictures.files import finish
+from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, pretty
 
 MOST = 4000  # points drawn of one curve
 COLOURS = ("#4c9f70", "#8e6bbf", "#c4683f", "#3f8fc4", "#a0822e", "#5b6770", "#b04f86")

@@ -31,8 +31,8 @@ from ocp import (
     uniform,
     verify,
 )
-from ocp.accuracy.verification import Figure
 from ocp.solution.storage import load
+from ocp.solution.violations import Figure
 
 x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
 none = ca.SX(0, 1)

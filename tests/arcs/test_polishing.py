@@ -27,8 +27,9 @@ from ocp import (
 )
 from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import arc_problem
-from ocp.arcs.arcs import Arc, Contact, Kind, durations
+from ocp.arcs.arcs import durations
 from ocp.arcs.polishing import SETTINGS
+from ocp.solution.structure import Arc, Contact, Kind
 from ocp.solving.starts import from_solution
 
 SIX = legendre(6, Control.COLLOCATED)

@@ -10,7 +10,7 @@ from models import spherical
 from models.effects import Gravity
 from models.forms import canonical, lagrange
 from ocp import Ipopt, along, point_to_point, polish, solve, uniform, verify
-from ocp.arcs.arcs import Kind
+from ocp.solution.structure import Kind
 
 QUIET = Ipopt(progress=False)
 FREE = np.inf

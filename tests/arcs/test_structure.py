@@ -9,7 +9,7 @@ from catalogue import problems
 from pictures import structure as picture_structure
 
 from ocp import Free, Problem, along, polish, solve, start, uniform
-from ocp.arcs.arcs import Arc, Contact, Kind, Row, Structure, merged, tabulate
+from ocp.arcs.arcs import merged, tabulate
 from ocp.arcs.detection import contacts, read
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
 from ocp.arcs.revision import (
@@ -23,6 +23,7 @@ from ocp.arcs.revision import (
 )
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.problem.state_constraints import state_limits
+from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
 
 LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING
 HELD, TOUCHED = Contact(0, 1, 0), Contact(0, 1)

@@ -40,9 +40,10 @@ from ocp import (
 )
 from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import arc_problem
-from ocp.arcs.arcs import Arc, Kind, durations, key_of
+from ocp.arcs.arcs import durations, key_of
 from ocp.arcs.polishing import SETTINGS
 from ocp.problem.constraints import Where, simple
+from ocp.solution.structure import Arc, Kind
 from ocp.solving.starts import from_solution
 
 EXACT = replace(SETTINGS, tol=1e-12)

@@ -10,7 +10,7 @@ import pytest
 from models import Motion, spherical, torus
 from models.effects import Gravity
 from models.motions.csv_tables import read_csv
-from models.motions.recording import as_trajectory, trajectory
+from models.motions.ros_trajectory import as_trajectory, trajectory
 
 ROOT = Path(__file__).parents[2]
 T = np.linspace(0.0, 1.0, 21)

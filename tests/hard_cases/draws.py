@@ -10,8 +10,8 @@ from models import Parameter, cylindrical, spherical, torus
 from models.effects import Coulomb, Counterbalance, Gravity, LaggedDrive, Payload, RotorInertia, ToolForce, Viscous
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect
+from ocp.checks import Array
 
-Array = np.ndarray
 Maker = Callable[..., Manipulator]
 # Kinds of machines differ in the structure of their metric: offset or none, symmetric arm, full tensors.
 KINDS: Mapping[str, Maker] = {

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from models.machines.manipulator import Manipulator
+from ocp.checks import Array
 
-Array = np.ndarray
 Extended = np.longdouble  # 64 bits of mantissa on x86; where it is a double only, references are as good as the forms
 OPERATIONS: Mapping[int, Callable[..., Array]] = {
     ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide, ca.OP_NEG: np.negative,

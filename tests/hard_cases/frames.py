@@ -13,12 +13,12 @@ from hard_cases.reference import GRAVITY, accelerations
 from models import Manipulator, cylindrical, spherical, torus
 from models.effects import Gravity
 from models.forms import canonical, hamel, lagrange
+from ocp.checks import Array
 
 FORMS = (lagrange, hamel, canonical)
 # A component may lose a thousand roundings, each weighted with the condition number of the accelerations themselves.
 ROUNDINGS = 1e3 * float(np.finfo(float).eps)
 DECADES = tuple(10.0**-k for k in range(13))
-Array = np.ndarray
 Poses = Sequence[tuple[Array, Array, Array]]
 
 

@@ -16,9 +16,9 @@ from models.forms import canonical, lagrange
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
 from ocp import System, integrators, simulate
+from ocp.checks import Array
 from ocp.integrators.contracts import Method
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 G = 9.81
 SETTLED = 10_000  # steps, a hundred swings: the motion has been everywhere on its torus about once

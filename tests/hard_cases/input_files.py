@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 import ocp
+import ocp.solution.storage
+import ocp.solution.structure
 from hard_cases import input_examples as example
 from hard_cases.input_call import Fault, fault
 from models import Motion
+from ocp.checks import Array
 
-Array = np.ndarray
 Parts = dict[str, Any]  # arrays of a solution file by name, `about` as plain data
 
 
@@ -129,7 +131,8 @@ def solution_files() -> Mapping[str, Callable[[], bytes]]:
         "states pickled": _array("states", lambda a: a.astype(object)),
     }  # fmt: skip
     missing = {
-        f"no {name}": (lambda parts, name=name: parts.pop(name)) for name in (*ocp.storage.ARRAYS, "about", "limits_u")
+        f"no {name}": (lambda parts, name=name: parts.pop(name))
+        for name in (*ocp.solution.storage.ARRAYS, "about", "limits_u")
     }
     files: dict[str, Callable[[], bytes]] = {
         name: partial(_changed, change) for name, change in {**changes, **missing}.items()

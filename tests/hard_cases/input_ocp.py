@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 
 import ocp
+import ocp.solution.storage
+import ocp.solution.structure
 from hard_cases import input_examples as example
 from hard_cases.input_call import (
     ANY_TEXT,
@@ -225,8 +227,8 @@ def solves() -> tuple[Call, ...]:
     )  # fmt: skip
 
 
-def _row() -> ocp.structure.Row:
-    return ocp.structure.Row("u", ocp.structure.Kind.LOWER, 0.0, 1.0)
+def _row() -> ocp.solution.structure.Row:
+    return ocp.solution.structure.Row("u", ocp.solution.structure.Kind.LOWER, 0.0, 1.0)
 
 
 def calls() -> tuple[Call, ...]:

@@ -11,8 +11,8 @@ import numpy as np
 from hard_cases.case import Case, Figure
 from models import Manipulator, Motion, inverse_dynamics, spherical, torus
 from models.effects import Gravity
+from ocp.checks import Array
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 DIGITS = 60
 G = 9.81

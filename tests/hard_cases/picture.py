@@ -15,11 +15,12 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from pictures.solution import FAINT, LIMIT, finish
+from pictures.files import finish
+from pictures.solution import FAINT, LIMIT
 
 from hard_cases.case import Figure, Finding
+from ocp.checks import Array
 
-Array = np.ndarray
 LEAST = 1e-18  # where zeros are drawn
 COLUMNS = 4
 

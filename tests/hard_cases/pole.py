@@ -27,6 +27,7 @@ from ocp import (
     uniform,
     verify,
 )
+from ocp.checks import Array
 from ocp.integrators.contracts import Method
 from ocp.integrators.simulation import Trajectory
 from ocp.system import System
@@ -35,7 +36,6 @@ FORMS = (lagrange, hamel, canonical)
 TOLERANCE = 1e-9  # of one step
 Q0, V0 = np.array([0.3, 0.1, 0.2, 0.8]), np.array([-2.0, 1.0, 0.5, 0.1])  # theta = 0 after 0.16 s
 END = 0.3  # [s]
-Array = np.ndarray
 
 # The turn of psi is worth its time near the pole only, where its inertia is least.
 FROM, TO = [0.64, 0.0, 0.0, 0.8], [-0.26, 1.73, -2.0, 0.85]

@@ -19,9 +19,9 @@ from models.machines.frames import Frame, curl, partial_derivative
 from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
+from ocp.checks import Array
 from ocp.system import System
 
-Array = np.ndarray
 FORMS = {"lagrange": lagrange, "hamel": hamel, "canonical": canonical}
 VERTICAL = {"cylindrical": 0, "spherical": 1, "torus": 0}  # the coordinate about e_3; nothing depends on it
 SINGULAR = {("spherical", "paper")}  # frames that a pose makes singular

@@ -16,7 +16,6 @@ from models.motions.tool_motion import along_tool_path
 from ocp import Ipopt, point_to_point, radau, simulate, solve, uniform, verify
 
 FORMS = (lagrange, hamel, canonical)
-Array = np.ndarray
 
 
 def light_column(axial: float = 0.0) -> Manipulator:

@@ -14,9 +14,9 @@ from models import cylindrical
 from models.effects import Coulomb, ElasticDrive, Gravity, JointStop, LaggedDrive, MotorDrive
 from models.forms import canonical, lagrange
 from ocp import System, integrators, simulate
+from ocp.checks import Array
 from ocp.integrators.contracts import Method
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 DIGITS = 60
 MASS = cylindrical().nominal["m_2"] + cylindrical().nominal["m_3"]  # that the lift moves [kg]

@@ -38,10 +38,10 @@ from ocp import (
     uniform,
     verify,
 )
+from ocp.checks import Array
 from ocp.solving.guess_ladder import Smooth, StraightLine
 from ocp.transcription.schemes.scheme import Scheme
 
-Array = np.ndarray
 TASKS, REPORTED = 300, 50
 FORMS = (lagrange, hamel, canonical)
 SETTINGS = Ipopt(max_iter=120, max_seconds=10.0, progress=False)

@@ -9,8 +9,8 @@ from models.effects import Coulomb, ElasticDrive, Gravity, LaggedDrive
 from models.forms import lagrange
 from ocp import Control, System, integrators, radau, simulate
 from ocp.integrators.control_pieces import Piece, Polynomial
+from ocp.integrators.extrapolation import integrate
 from ocp.integrators.fixed_step import _Schedule
-from ocp.integrators.integration import integrate
 from ocp.integrators.stiffness import Linearisation, decays, describe
 
 none = ca.SX(0, 1)

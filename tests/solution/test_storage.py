@@ -33,7 +33,7 @@ from ocp import (
     uniform,
     verify,
 )
-from ocp.arcs.arcs import Contact
+from ocp.solution.structure import Contact
 
 x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 2)
 LABELS = {"x": (Label("height", "m"), Label("speed", "m/s")), "u": (Label("force", "N"),)}

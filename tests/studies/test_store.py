@@ -89,7 +89,7 @@ def test_the_file_says_what_it_is_even_before_the_log_is_merged(tmp_path):
     """A process that is killed leaves the write-ahead log beside the file."""
     path = tmp_path / "s.db"
     code = (
-        "import os, signal, sys; from ocp.store import Store; from tests.test_store import record\n"
+        "import os, signal, sys; from ocp.studies.store import Store; from test_store import record\n"
         f"store = Store({str(path)!r}); store.finish('study', record('one')); os.kill(os.getpid(), signal.SIGKILL)"
     )
     killed = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False)

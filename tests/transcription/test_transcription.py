@@ -29,7 +29,8 @@ from ocp import (
 )
 from ocp.solving.starts import from_solution
 from ocp.transcription.direct_collocation import transcribe
-from ocp.transcription.nlp import bounds, pack, unpack
+from ocp.transcription.nlp import bounds
+from ocp.transcription.packing import pack, unpack
 from ocp.transcription.scaling import Scaling, unscaled
 
 GRID = given([0.0, 0.2, 0.65, 1.0])

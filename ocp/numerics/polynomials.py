@@ -1,0 +1,71 @@
+"""Lagrange polynomials on given nodes: values, slopes, integrals and quadrature weights."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import legendre as polynomials
+
+from ocp.checks import Array
+
+Matrix = Callable[[Array, Array], Array]  # of a polynomial through nodes, at places
+
+
+FEW = 64  # places at which matrices are kept
+
+
+def integration_matrix(points: Array) -> Array:
+    """Return a_ij, the integral from 0 to c_i of the j-th Lagrange polynomial on the points, shape (d, d)."""
+    gauss, weights = polynomials.leggauss(len(points))
+    rows = [c * (weights / 2.0) @ lagrange_matrix(points, c * (gauss + 1.0) / 2.0) for c in points]
+    return np.array(rows)
+
+
+def _kept(matrix: Matrix) -> Matrix:
+    """Return a matrix function that remembers its values at few places: the same ones are asked for all the time."""
+
+    @functools.lru_cache(maxsize=128)
+    def known(nodes: bytes, tau: bytes) -> Array:
+        return matrix(np.frombuffer(nodes), np.frombuffer(tau))
+
+    @functools.wraps(matrix)
+    def found(nodes: Array, tau: Array) -> Array:
+        return known(nodes.tobytes(), tau.tobytes()).copy() if len(tau) <= FEW else matrix(nodes, tau)
+
+    return found
+
+
+@_kept
+def lagrange_matrix(nodes: Array, tau: Array) -> Array:
+    """Return l_m(tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
+    columns = []
+    for m, node in enumerate(nodes):
+        others = np.delete(nodes, m)
+        columns.append(np.prod((tau[:, None] - others) / (node - others), axis=1))
+    return np.stack(columns, axis=1)
+
+
+@_kept
+def slope_matrix(nodes: Array, tau: Array) -> Array:
+    """Return dl_m/dtau (tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
+    matrix = np.zeros((len(tau), len(nodes)))
+    for m, node in enumerate(nodes):
+        others = np.delete(nodes, m)
+        for skipped in range(len(others)):
+            kept = np.delete(others, skipped)
+            matrix[:, m] += np.prod((tau[:, None] - kept) / (node - kept), axis=1) / (node - others[skipped])
+    return matrix
+
+
+def quadrature(points: Array) -> Array:
+    """Return the weights of the interpolatory quadrature on [0, 1] with the given points."""
+    powers = np.arange(len(points))
+    # Shifted Legendre polynomials: a well-conditioned moment matrix up to high degree.
+    matrix = polynomials.legvander(2.0 * points - 1.0, len(points) - 1).T
+    return np.linalg.solve(matrix, (powers == 0).astype(float))
+
+
+def _unit(points: Array) -> Array:
+    return np.sort((np.real(points) + 1.0) / 2.0)

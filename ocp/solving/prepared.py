@@ -1,0 +1,274 @@
+"""A prepared NLP with its solver: built once, solved for many parameter values, limits and initial guesses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from collections.abc import Sequence as Several
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ocp import checks
+from ocp.checks import Array
+from ocp.numerics import compilation
+from ocp.numerics.compilation import Compilation
+from ocp.problem.problem import Fixed, Problem, same_structure
+from ocp.problem.sequence import Sequence, parameter_values, phases_of
+from ocp.problem.singularities import singular_ends
+from ocp.solution.sequence_solution import SequenceSolution
+from ocp.solution.solution import Solution, Status, Timings
+from ocp.solving.diagnosis import explain, remarks
+from ocp.solving.first_guesses import smooth
+from ocp.solving.guess_ladder import DEFAULT, climb
+from ocp.solving.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
+from ocp.solving.prechecks import contradictions, not_finite, standstill
+from ocp.solving.starts import (
+    STARTS,
+    Outcome,
+    Start,
+    as_guesses,
+    chain,
+    check_attempt,
+    check_duals,
+    check_settings,
+    is_ladder,
+)
+from ocp.solving.unpacking import solutions_of
+from ocp.solving.warm_start import multipliers
+from ocp.transcription.direct_collocation import free_parameters, transcribe
+from ocp.transcription.grid import Grid, uniform
+from ocp.transcription.guess import Guess
+from ocp.transcription.joining import Compound, join
+from ocp.transcription.nlp import bounds
+from ocp.transcription.packing import pack
+from ocp.transcription.scaling import common, from_limits, sizes, table, unscaled
+from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.scheme import Scheme
+
+ROUNDING = 1e-13  # tolerance below which rounding decides
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A programme with its solver, to be solved for many parameter values, limits, ends and guesses."""
+
+    problem: Problem | Sequence
+    compound: Compound
+    settings: Ipopt
+    setup: float  # seconds spent so far
+    first: tuple[object, object, list[Guess]] | None  # problem, parameter values and the smooth guess for them
+    cold: Solver
+
+    def __call__(
+        self,
+        guess: Start | Several[Any] | None = None,
+        values: Mapping[str, float] | None = None,
+        problem: Problem | Sequence | None = None,
+        grid: Grid | None = None,
+    ) -> Outcome:
+        """Solve.
+
+        Args:
+            guess: a Guess, a solution or its file, or a ladder of rungs (see `ocp.ladder`); None for the default one.
+            values: of parameters, by name; nominal where silent.
+            problem: one that differs in limits, start and end values or the guess of the duration only.
+            grid: of as many elements.
+
+        Raises:
+            ValueError: a problem or grid of another structure, or a wrong parameter name.
+        """
+        here = self.adapted(problem, grid)
+        numbers = parameter_values(here.problem, values)
+        if guess is None or is_ladder(guess):
+            return climb(here, DEFAULT if guess is None else tuple(guess), values)  # type: ignore[arg-type]
+        return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
+
+    def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> Outcome:
+        """Solve from a solution of the same problem on another grid or with another scheme, multipliers included.
+
+        Args:
+            solution: near the one looked for.
+            values: of parameters, by name; nominal where silent.
+        """
+        checks.instance("solution", solution, Solution, "a Solution")
+        duals = multipliers(self.compound.programmes[0], solution)
+        guesses = as_guesses(self.problem, solution)
+        return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
+
+    def scales(self) -> str:
+        """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
+        parts = [table(programme.scaling, programme.problem) for programme in self.compound.programmes]
+        return "\n\n".join(parts)
+
+    def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
+        """Return the parameter values of every phase, nominal where `values` is silent."""
+        return parameter_values(self.problem, values)
+
+    @property
+    def grid(self) -> Grid:
+        """The grid, the same for every phase."""
+        return self.compound.programmes[0].grid
+
+    @property
+    def compilations(self) -> tuple[Compilation, ...]:
+        """What came of compiling the functions of every phase; empty if not asked for."""
+        return tuple(made for programme in self.compound.programmes if (made := programme.compilation) is not None)
+
+    def on(
+        self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
+    ) -> Prepared:
+        """Return another problem prepared on another grid, with the same scheme."""
+        check_settings(problem, self.compound.programmes[0].scheme, grid, settings)
+        return prepare(problem, self.compound.programmes[0].scheme, grid, settings, values=values)
+
+    def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
+        """Return this programme for other numbers in the problem, or another grid of the same size."""
+        programmes = self.compound.programmes
+        if problem is not None:
+            old, new = phases_of(self.problem), phases_of(problem)
+            if len(new) != len(old):
+                raise ValueError(f"problem: has {len(new)} phases, the prepared one {len(old)}; prepare it anew")
+            same = map(same_structure, old, new)
+            programmes = tuple(replace(p, problem=one) for p, one in zip(programmes, same, strict=True))
+        if grid is not None:
+            checks.instance("grid", grid, Grid, "a Grid such as uniform(50)")
+            known = len(programmes[0].grid)  # that of all phases
+            if len(grid) != known:
+                raise ValueError(f"grid: has {len(grid)} elements, the programme was prepared for {known}")
+            programmes = tuple(replace(p, grid=grid) for p in programmes)
+        return replace(self, problem=problem or self.problem, compound=replace(self.compound, programmes=programmes))
+
+    def attempt(
+        self,
+        guesses: list[Guess],
+        values: list[list[float]],
+        warm: bool = False,
+        rung: str = "given guess",
+        spent: float = 0.0,
+        duals: tuple[Array, Array] | None = None,
+    ) -> Outcome:
+        """Solve once from one guess for each phase.
+
+        Args:
+            guesses: one for each phase.
+            values: of the parameters of each phase.
+            warm: start near the limits that the guess touches.
+            rung: what the guess is called in the solution.
+            spent: seconds that making the guess took; they count as set-up.
+            duals: multipliers of the bounds and of the rows to start from.
+        """
+        begun = time.perf_counter() - checks.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
+        programmes = self.compound.programmes
+        check_attempt(self.problem, guesses, values, warm, rung)
+        check_duals(duals, (sum(p.layout.size for p in programmes), self.compound.nlp["g"].numel()))
+        every = [bounds(programme) for programme in programmes]
+        tied = np.zeros(self.compound.links)
+        low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
+        rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
+        z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(programmes, guesses, values, strict=True)])
+        refused = [*contradictions(self.problem, values)]
+        wrong = refused or [*singular_ends(phases_of(self.problem), values)]
+        wrong = wrong or [*not_finite(self.problem, guesses, values)]
+        if wrong:
+            status = Status.INFEASIBLE if refused else Status.FAILED
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
+            return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
+        still = standstill(self.problem, values[0], guesses[0]) if isinstance(self.problem, Problem) else None
+        if still is not None:
+            z0 = pack(programmes[0], still[0], values[0])
+            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
+            answer = Answer(z0, *nothing, still[1], Status.SOLVED, "not started", 0, 0.0, 0.0, {})
+            return self._outcome(answer, values, rung, time.perf_counter() - begun, [])
+        parameters: list[Array] = []
+        for programme, numbers in zip(programmes, values, strict=True):
+            fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
+            parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
+        settings = self.settings
+        if duals is not None:
+            settings = replace(settings, extra={**CONTINUED, **settings.extra})
+        chosen = (
+            build(self.compound.nlp, self.compound.derivatives, settings, True, self.compound.sizes)
+            if warm
+            else self.cold
+        )
+        z0 = np.clip(z0, low, high)
+        setup = time.perf_counter() - begun
+        sides = low, high, rows[0], rows[1]
+        answer = run(chosen, z0, np.concatenate(parameters), sides, duals)
+        return self._outcome(answer, values, rung, setup, [])
+
+    def _outcome(
+        self, answer: Answer, values: list[list[float]], rung: str, setup: float, reasons: list[str]
+    ) -> Outcome:
+        programmes = self.compound.programmes
+        spent = max(answer.seconds - answer.derivatives, 0.0)
+        timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
+        solutions = solutions_of(answer, programmes, values, timings, rung)
+        status = solutions[0].status
+        if not reasons:
+            reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
+        if status is not Status.SOLVED and self.settings.tol < ROUNDING:
+            reasons = [*reasons, f"a tolerance of {self.settings.tol:g} is below rounding; try {ROUNDING:g}"]
+        message = ": ".join([status.value, "; ".join(reasons)]) if reasons else status.value
+        if isinstance(self.problem, Problem):
+            return replace(solutions[0], message=message)
+        return SequenceSolution(
+            tuple(solutions), status, message, answer.verbatim, answer.cost, timings, answer.iterations, self.problem
+        )
+
+
+def prepare(
+    problem: Problem | Sequence,
+    scheme: Scheme | None = None,
+    grid: Grid | None = None,
+    solver: Ipopt | None = None,
+    guess: Start | Several[Any] | None = None,
+    values: Mapping[str, float] | None = None,
+    compiled: bool = False,
+) -> Prepared:
+    """Transcribe a problem and build its solver once, for many solves.
+
+    Args:
+        problem: a Problem, or a Sequence of them (each phase gets the same scheme and grid).
+        scheme: default radau(3), constant controls.
+        grid: default uniform(50).
+        solver: settings.
+        guess: sets the magnitudes of the scaling; None for a smooth motion between the ends.
+        values: of parameters, for the scaling.
+        compiled: let the functions of an element be machine code (see `ocp.compilation`): for many solves.
+
+    Raises:
+        TypeError: an argument of the wrong kind.
+    """
+    begun = time.perf_counter()
+    scheme = radau(3) if scheme is None else scheme
+    grid = uniform(50) if grid is None else grid
+    solver = Ipopt() if solver is None else solver
+    check_settings(problem, scheme, grid, solver, compiled)
+    made = None if guess is None or is_ladder(guess) else as_guesses(problem, guess)
+    every = parameter_values(problem, values)
+    given = made if isinstance(guess, STARTS) or _fresh(guess) else None
+    guesses = chain(problem, every, smooth) if given is None else given
+    parts = list(zip(phases_of(problem), guesses, every, strict=True))
+    scalings = common([
+        from_limits(phase, first, numbers, free_parameters(phase))
+        if solver.scaled else unscaled(phase, len(free_parameters(phase)))
+        for phase, first, numbers in parts
+    ])  # fmt: skip
+    translate = compilation.compiled if compiled else None
+    programmes = [
+        transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
+    ]
+    sequence = problem if isinstance(problem, Sequence) else None
+    links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
+    compound = join(tuple(programmes), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
+    cold = build(compound.nlp, compound.derivatives, solver, False, compound.sizes)
+    known = (problem, every, guesses) if given is None else None
+    return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
+
+
+def _fresh(guess: Any) -> bool:
+    return all(isinstance(part, Guess) for part in (guess if isinstance(guess, list | tuple) else [guess]))

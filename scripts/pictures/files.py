@@ -1,0 +1,25 @@
+"""Picture files: written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+
+def finish(figure: Figure, path: Path, dpi: int = 150) -> None:
+    """Write a picture and close it; an existing file is replaced only when the new one is complete.
+
+    Args:
+        figure: of matplotlib.
+        path: of the picture; the suffix chooses the format.
+        dpi: dots per inch.
+    """
+    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    try:
+        figure.savefig(part, dpi=dpi)
+        part.replace(path)
+    finally:
+        plt.close(figure)
+        part.unlink(missing_ok=True)
