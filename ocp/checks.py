@@ -81,14 +81,14 @@ def number(
     array = real(value)
     if array is None or array.size != 1 or (array.ndim and not isinstance(value, ca.DM)):
         raise refused(name, value, expected)
-    found = float(array.item())
+    result = float(array.item())
     # Infinity is above every finite limit, and minus infinity lies above none.
-    low = found > above or (math.isinf(above) and not math.isnan(found))
-    if not (low and found >= at_least) or (finite and not math.isfinite(found)):
+    low = result > above or (math.isinf(above) and not math.isnan(result))
+    if not (low and result >= at_least) or (finite and not math.isfinite(result)):
         raise refused(name, value, expected)
-    if (finite and abs(found) > LARGEST) or (above == 0.0 and found < SMALLEST):
+    if (finite and abs(result) > LARGEST) or (above == 0.0 and result < SMALLEST):
         raise refused(name, value, f"{expected}, {RANGE}")
-    return found
+    return result
 
 
 def whole(name: str, value: object, least: int, most: int | None = None, of: str = "") -> int:

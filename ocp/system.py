@@ -178,10 +178,10 @@ class System:
         for name in given:
             if name not in self.nominal:
                 raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
-        found = {**self.nominal, **given}
-        for name, value in found.items():
-            found[name] = checks.number(f"parameter {name!r}", value, "a finite number")
-        return [found[name] for name in self.nominal]
+        results = {**self.nominal, **given}
+        for name, value in results.items():
+            results[name] = checks.number(f"parameter {name!r}", value, "a finite number")
+        return [results[name] for name in self.nominal]
 
 
 @functools.lru_cache(maxsize=32)

@@ -69,12 +69,12 @@ def bill(scene: Scene, options: argparse.Namespace) -> dict[str, object]:
     account: dict[str, object] = {"scene": scene.title}
     if "simulation" in options.parts and scene.motion is not None:
         progress("simulation")
-        found = simulated.table(scene.motion, options)
+        result = simulated.table(scene.motion, options)
         files["simulation"] = options.output / f"{stem}_simulation.csv"
-        table.write(files["simulation"], simulated.as_csv(found))
-        halves.append(simulated.half(found))
-        parts += ["## Simulation", simulated.words(found, options)]
-        account["simulation"] = [finite(asdict(row)) for row in found.rows]
+        table.write(files["simulation"], simulated.as_csv(result))
+        halves.append(simulated.half(result))
+        parts += ["## Simulation", simulated.words(result, options)]
+        account["simulation"] = [finite(asdict(row)) for row in result.rows]
     if "control" in options.parts:
         quantity, unit = scene.quantity
         progress(f"{scene.title}: the reference")
@@ -118,8 +118,8 @@ def contenders(scene: Scene, options: argparse.Namespace) -> list[Contender]:
         chosen = [(forms[0], schemes([n], [d], [c])[0]) for n, d, c in STAR]
         chosen[1:1] = [(form, chosen[0][1]) for form in forms[1:]]
     else:
-        found = schemes(*(given or [default] for given, default in zip(lists, STAR[0], strict=True)))
-        chosen = [(form, scheme) for form in forms for scheme in found]
+        result = schemes(*(given or [default] for given, default in zip(lists, STAR[0], strict=True)))
+        chosen = [(form, scheme) for form in forms for scheme in result]
     ours = [on_uniform_grids(form, scheme, options.grids) for form, scheme in chosen if "uniform" in options.methods]
     if "polish" in options.methods:
         ours += [with_polish(form, scheme, COARSE) for form, scheme in chosen[:1]]

@@ -42,9 +42,9 @@ SOLVED_UP_TO = {"map": 200, "sx": 200}  # elements; on larger grids only the set
 CONTENDERS = {
     "hamel": "this project with every default",
     "given": "this project, handed the guess that the others are handed",
-    "element": "by hand: an SX function of one element, differentiated once, mapped, gathered; same programme",
-    "map": "by hand: that function mapped, CasADi derives; same programme",
-    "sx": "by hand: everything in one SX graph, CasADi derives; same programme",
+    "element": "by hand: an SX function of one element, differentiated once, mapped, gathered; same NLP",
+    "map": "by hand: that function mapped, CasADi derives; same NLP",
+    "sx": "by hand: everything in one SX graph, CasADi derives; same NLP",
     "rockit": "same scheme, guess and scaling",
     "pyomo": "pyomo.dae, same scheme and guess, set-up ends with the NL file",
     "drake": "Hermite-Simpson, linear control, SNOPT, same guess and scaling",
@@ -212,14 +212,14 @@ def scaled(problems: Sequence[str]) -> list[str]:
         for make in (straight_line, smooth):
             iterations, seconds, unsolved = [], [], []
             for flag in (True, False):
-                found = []
+                results = []
                 for n in SCALING_GRIDS:
                     task = CASES[problem]().problem()
                     settings = Ipopt(progress=False, scaled=flag)
-                    found.append(solve(task, grid=uniform(n), solver=settings, guess=make(task, [])))
-                iterations.append([solution.iterations for solution in found])
-                seconds.append(sum(solution.timings.total for solution in found))
-                unsolved.append(sum(not solution.ok for solution in found))
+                    results.append(solve(task, grid=uniform(n), solver=settings, guess=make(task, [])))
+                iterations.append([solution.iterations for solution in results])
+                seconds.append(sum(solution.timings.total for solution in results))
+                unsolved.append(sum(not solution.ok for solution in results))
             one, other = iterations
             lines.append(
                 f"{problem} from {make.__name__}: iterations scaled / unscaled over N = {SCALING_GRIDS}: {sum(one)} / "

@@ -220,8 +220,8 @@ def describe(
     spent = solution.timings
     structure = solution.structure if isinstance(solution, Solution) else None
     digits = 6 if structure is None else 10
-    found = f"{solution.duration:.{digits}f} s"
-    say(f"t_f          {found} ({solution.status.name.lower()}, {solution.iterations} iterations)")
+    result = f"{solution.duration:.{digits}f} s"
+    say(f"t_f          {result} ({solution.status.name.lower()}, {solution.iterations} iterations)")
     if "polished" in solution.message:
         say(f"polish       {solution.message.partition('; ')[2]}")
     if np.isfinite(report.switching):

@@ -98,7 +98,7 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantit
     forces = tuple(c.force_unit for c in machine.coordinates)
     rates = tuple(f"{unit}/s" for unit in units)
     motor_q, motor_v, motor_tau = mechanics.motors
-    found = {
+    results = {
         "q": Quantity(machine.q, units, names),
         "v": Quantity(machine.v, rates, tuple(f"d{name}/dt" for name in names)),
         "tau": Quantity(mechanics.tau, forces, tuple(f"tau_{name}" for name in names)),
@@ -107,20 +107,20 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantit
         "energy": Quantity(kinetic + mechanics.potential + terms.spring + terms.energy, "J"),
     }
     for i, drive in enumerate(machine.drives):
-        found[drive.name] = Quantity(drive.sign * mechanics.tau[i], forces[i])
+        results[drive.name] = Quantity(drive.sign * mechanics.tau[i], forces[i])
     if terms.transmission is not None:
-        found["motor_q"] = Quantity(motor_q, units, tuple(f"motor_q_{name}" for name in names))
-        found["motor_v"] = Quantity(motor_v, rates, tuple(f"motor_v_{name}" for name in names))
-        found["motor_tau"] = Quantity(motor_tau, forces, tuple(f"motor_tau_{name}" for name in names))
+        results["motor_q"] = Quantity(motor_q, units, tuple(f"motor_q_{name}" for name in names))
+        results["motor_v"] = Quantity(motor_v, rates, tuple(f"motor_v_{name}" for name in names))
+        results["motor_tau"] = Quantity(motor_tau, forces, tuple(f"motor_tau_{name}" for name in names))
     if terms.force is not None or not terms.dissipation.is_zero():
         lost = mechanics.applied + ca.gradient(terms.spring, machine.q)
-        found["loss"] = Quantity(terms.dissipation - ca.dot(lost, machine.v), "W")
+        results["loss"] = Quantity(terms.dissipation - ca.dot(lost, machine.v), "W")
     held = mechanics.at_rest()
     if held:
         size = machine.q.numel()
         rest = ca.vertcat(machine.v, *held)
-        found["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - size))
-    return found
+        results["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - size))
+    return results
 
 
 def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter that stays a symbol, so that one programme serves many of its values."""
+    """A parameter that stays a symbol, so that one NLP serves many of its values."""
 
     value: float  # nominal value, unit of the argument it is given for; checked there, where it has a name
 

@@ -141,16 +141,16 @@ class Mechanics:
         control = self.control.expression
         _, motor_v, motor_tau = self.motors
         net = self.force - ca.gradient(self.potential, self.machine.q)
-        found = []
+        results = []
         for i in range(self.machine.q.numel()):
             elastic = not ca.depends_on(motor_v[i], self.machine.v)
             if elastic:
-                found.append(motor_v[i])
+                results.append(motor_v[i])
             if elastic and not ca.depends_on(motor_tau[i], control):
-                found.append(motor_tau[i] - self.tau[i])
+                results.append(motor_tau[i] - self.tau[i])
             if not ca.depends_on(self.tau[i], control):
-                found.append(net[i])
-        return found
+                results.append(net[i])
+        return results
 
     def frame(self, chosen: str | Frame | None) -> Frame:
         """Return the frame called `chosen` (default "regular"), or `chosen` itself, with what effects add."""

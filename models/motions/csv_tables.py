@@ -139,7 +139,7 @@ def _columns(header: list[tuple[str, str]], coordinates: Sequence[Label]) -> lis
             known.append(str(len(known) + 1))
         if not known:
             raise ValueError(f"no column q1; the header has {', '.join(names)}")
-    found: list[list[int]] = []
+    results: list[list[int]] = []
     for spellings in SPELLINGS:
         columns = []
         for i, name in enumerate(known, 1):
@@ -147,11 +147,11 @@ def _columns(header: list[tuple[str, str]], coordinates: Sequence[Label]) -> lis
             place = next((names.index(word) for word in tried if word in names[1:]), None)
             if place is not None:
                 columns.append(place)
-            elif not found or columns:
+            elif not results or columns:
                 words = " or ".join(dict.fromkeys(spelling.format(name) for spelling in spellings[:3]))
                 raise ValueError(f"no column {words}; the header has {', '.join(names)}")
-        found.append(columns)
-    return found
+        results.append(columns)
+    return results
 
 
 def _numbers(file: Path, stream: BinaryIO, width: int) -> Array:

@@ -57,8 +57,8 @@ class Smoothed:
         i, j = np.meshgrid(np.arange(DEGREE + 1), np.arange(DEGREE + 1), indexing="ij")
         higher, apart = np.maximum(i, j), np.abs(i - j)
         local = self.inverse[:, columns[:, higher], apart]  # (n, K, 6, 6)
-        found = np.einsum("kai,nkij,kbj->knab", rows, local, rows, optimize=True)
-        return np.asarray(found * self.noise[:, None, None] ** 2)
+        result = np.einsum("kai,nkij,kbj->knab", rows, local, rows, optimize=True)
+        return np.asarray(result * self.noise[:, None, None] ** 2)
 
     def notes(self, labels: tuple[Label, ...]) -> list[str]:
         """Say which coordinates have a noise that cannot be told from the motion."""

@@ -28,8 +28,10 @@ def forms() -> dict[str, Callable[..., Any]]:
 
 def effects() -> dict[str, type]:
     """Return every effect that `models.effects` exports, by the name that its symbols begin with."""
-    found = [thing for thing in _exported("models.effects").values() if inspect.isclass(thing) and is_dataclass(thing)]
-    return {snake(thing.__name__): thing for thing in found}
+    results = [
+        thing for thing in _exported("models.effects").values() if inspect.isclass(thing) and is_dataclass(thing)
+    ]
+    return {snake(thing.__name__): thing for thing in results}
 
 
 def _exported(package: str) -> dict[str, Any]:

@@ -42,16 +42,16 @@ def prices(system: System, effects: Sequence[Effect], without: Callable[[Effect]
         effects: of the scene.
         without: effect -> the system that never heard of it; raises ValueError where another effect needs it.
     """
-    total, found = instructions(system), []
+    total, result = instructions(system), []
     for effect in effects:
         try:
             bare = without(effect)
         except ValueError as error:
-            found.append(Price(effect, None, 0, 0, str(error)))
+            result.append(Price(effect, None, 0, 0, str(error)))
             continue
         states, controls = system.x.numel() - bare.x.numel(), system.u.numel() - bare.u.numel()
-        found.append(Price(effect, total - instructions(bare), states, controls))
-    return tuple(found)
+        result.append(Price(effect, total - instructions(bare), states, controls))
+    return tuple(result)
 
 
 def instructions(system: System) -> int:

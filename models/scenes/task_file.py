@@ -66,7 +66,7 @@ def read_task(document: Table, scene: Scene) -> Task:
     """
     system = scene.system
     limits = document.table("limits")
-    found = [read_interval(limits, name, system, magnitudes=True) for name in _signals(limits, system)]
+    results = [read_interval(limits, name, system, magnitudes=True) for name in _signals(limits, system)]
     document.require("task")
     table = document.table("task")
     table.only(["from", "from_deg", "to", "to_deg", "via", "obstacles", "minimise", "horizon", "elements"])
@@ -87,7 +87,7 @@ def read_task(document: Table, scene: Scene) -> Task:
         begin,
         via,
         finish,
-        tuple(found),
+        tuple(results),
         obstacles,
         _horizons(table, len(via) + 1),
         _elements(table),
@@ -144,13 +144,13 @@ def _parts(system: System, name: str) -> tuple[Label, ...]:
 
 
 def _signals(table: Table, system: System) -> list[str]:
-    names, found = list(system.signals), []
+    names, result = list(system.signals), []
     angles = [f"{name}_deg" for name in names if any(is_angle(part.unit) for part in _parts(system, name))]
     for key in table.entries:
         if key not in names and key not in angles:
             raise table.error(key, unknown("signal", key, names))
-        found.append(key if key in names else key.removesuffix("_deg"))
-    return list(dict.fromkeys(found))
+        result.append(key if key in names else key.removesuffix("_deg"))
+    return list(dict.fromkeys(result))
 
 
 def _pose(table: Table, name: str, scene: Scene) -> tuple[Interval, ...]:
@@ -175,17 +175,17 @@ def _cost(table: Table, system: System) -> tuple[float, Weights, Weights]:
     inner.only(["time", "squares", "integral"])
     if not inner.entries:
         raise inner.error("", "says nothing; expected time, squares or integral")
-    found = {}
+    results = {}
     for kind in ("squares", "integral"):
         weights = inner.table(kind)
         for name in weights.entries:
             if name not in system.signals:
                 raise weights.error(name, unknown("signal", name, list(system.signals)))
-        found[kind] = {
+        results[kind] = {
             name: weights.column(name, [Label(part.name) for part in _parts(system, name)], 0.0)
             for name in weights.entries
         }
-    return inner.number("time", "", 0.0), found["squares"], found["integral"]
+    return inner.number("time", "", 0.0), results["squares"], results["integral"]
 
 
 def _horizons(table: Table, legs: int) -> tuple[Free | Fixed, ...]:

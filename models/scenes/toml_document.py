@@ -250,7 +250,7 @@ def _outwards(key: str) -> list[str]:
 
 def _lines(text: str) -> dict[str, int]:
     """Return the line on which each key of a document stands; keys inside of a value are left to that value's line."""
-    found: dict[str, int] = {}
+    results: dict[str, int] = {}
     many: dict[str, int] = {}
     table, depth = "", 0
     for number, line in enumerate(text.splitlines(), 1):
@@ -261,12 +261,12 @@ def _lines(text: str) -> dict[str, int]:
             if header.group(1) == "[[":
                 many[table] = many.get(table, 0) + 1
                 table = f"{table}[{many[table]}]"
-            found.setdefault(table, number)
+            results.setdefault(table, number)
             continue
         if depth == 0 and entry:
-            found.setdefault(".".join(part for part in (table, _dotted(entry.group(1))) if part), number)
+            results.setdefault(".".join(part for part in (table, _dotted(entry.group(1))) if part), number)
         depth += sum(bare.count(one) for one in "[{") - sum(bare.count(one) for one in "]}")
-    return found
+    return results
 
 
 def _dotted(key: str) -> str:

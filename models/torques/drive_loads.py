@@ -125,14 +125,14 @@ def exceeded(t: Array, v: Array, tau: Array, limit: Envelope) -> tuple[Exceeded,
     allowed = limit.torque(v)
     over = np.abs(tau) > allowed * (1.0 + SLACK)
     over |= np.abs(v) > limit.speed * (1.0 + SLACK)
-    found = []
+    results = []
     for first, after in runs(over):
         part = slice(first, after)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.abs(tau[part]) / allowed[part]
         worst = float(np.max(np.where(np.isnan(ratio), np.inf, ratio)))
-        found.append(Exceeded(float(t[first]), float(t[after - 1]), worst))
-    return tuple(found)
+        results.append(Exceeded(float(t[first]), float(t[after - 1]), worst))
+    return tuple(results)
 
 
 def runs(flags: Array) -> list[tuple[int, int]]:

@@ -123,8 +123,8 @@ def estimate(
     t, x, rate, _ = solution.samples(PLACES)
     values = dict(solution.values)
     p = np.array([values.get(name, value) for name, value in system.nominal.items()])[:, None]
-    found = recover(system, machine, effects).map(len(t))(x.T, rate.T, np.tile(p, len(t)))
-    q, v, a, tau = (np.array(part) for part in found)
+    result = recover(system, machine, effects).map(len(t))(x.T, rate.T, np.tile(p, len(t)))
+    q, v, a, tau = (np.array(part) for part in result)
     course = Course(t, q, v, a, tau, values)
     if candidates is None:
         known = {type(effect) for effect in effects}

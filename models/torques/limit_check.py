@@ -37,7 +37,7 @@ def broken_limits(table: TorqueTable) -> tuple[Broken, ...]:
     n = table.q.shape[1]
     system = lagrange(table.machine, table.effects)
     known = ca.vertcat(system.x[: 2 * n], table.machine.tau, system.p)
-    found: list[Broken] = []
+    results: list[Broken] = []
     for name, (low, high) in system.limits.items():
         signal = ca.densify(ca.vec(system[name]))
         allowed = {symbol.element_hash() for symbol in ca.vertsplit(known)}
@@ -49,8 +49,8 @@ def broken_limits(table: TorqueTable) -> tuple[Broken, ...]:
             for side, sign in ((low, -1.0), (high, 1.0)):
                 if side is not None:
                     limit = float(np.broadcast_to(np.array(side, dtype=float), (signal.numel(),))[i])
-                    found += _outside(str(label), table.t, values[:, i], limit, sign)
-    return tuple(found)
+                    results += _outside(str(label), table.t, values[:, i], limit, sign)
+    return tuple(results)
 
 
 def _outside(name: str, t: Array, values: Array, limit: float, sign: float) -> list[Broken]:

@@ -52,8 +52,8 @@ class TorqueTable:
         "inertia" and "coriolis" are those of the bare machine; every effect that acts on the joints has one entry.
         """
         function = split_torques(self.machine, self.effects)
-        found = evaluate(function, self.q, self.v, self.a, self.parameters, *_time(function, self.t))
-        return dict(zip(function.name_out(), found, strict=True))
+        result = evaluate(function, self.q, self.v, self.a, self.parameters, *_time(function, self.t))
+        return dict(zip(function.name_out(), result, strict=True))
 
     @cached_property
     def tool(self) -> Array:
@@ -80,8 +80,8 @@ class TorqueTable:
         for start in range(0, len(self.t), CHUNK):
             part = slice(start, start + CHUNK)
             time = _time(torques, self.t[part])
-            (found,) = evaluate(slopes, self.q[part], self.v[part], self.a[part], self.parameters, *time)
-            gradient = found.reshape(-1, 3, n, n)  # point, order, coordinate, torque
+            (results,) = evaluate(slopes, self.q[part], self.v[part], self.a[part], self.parameters, *time)
+            gradient = results.reshape(-1, 3, n, n)  # point, order, coordinate, torque
             variance = np.einsum("kbji,kjbc,kcji->ki", gradient, self.covariance(self.t[part]), gradient, optimize=True)
             result[part] = np.sqrt(np.maximum(variance, 0.0))
         return result
@@ -110,8 +110,8 @@ class TorqueTable:
                 f"{DERIVATIVES[int(self.smoothness) + 1]} jumps; use a smoother motion, such as a septic or a spline"
             )
         moved = [self.derivative(self.t, order) for order in orders]
-        found = evaluate(function, *moved, self.parameters, *_time(function, self.t))
-        return dict(zip(function.name_out()[1:], found[1:], strict=True))
+        result = evaluate(function, *moved, self.parameters, *_time(function, self.t))
+        return dict(zip(function.name_out()[1:], result[1:], strict=True))
 
     @property
     def header(self) -> list[str]:
@@ -217,5 +217,5 @@ def parameter_values(machine: Manipulator, effects: Sequence[Effect], values: di
     for name in values:
         if name not in nominal:
             raise ValueError(f"no parameter {name!r} that stays a symbol; there is {', '.join(nominal) or 'none'}")
-    found = {**nominal, **values}
-    return np.array([checks.number(f"parameter {name!r}", found[name]) for name in mechanics.parameters])
+    results = {**nominal, **values}
+    return np.array([checks.number(f"parameter {name!r}", results[name]) for name in mechanics.parameters])

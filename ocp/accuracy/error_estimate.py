@@ -72,21 +72,21 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     dynamics = np.sum(at_end * local, axis=1) + running
     away = _accumulated(local, transition)
     tau, weights = _panels()
-    found, adjoint = minimise(solution, problem, tau), even(solution, problem)
-    best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else found
+    result, adjoint = minimise(solution, problem, tau), even(solution, problem)
+    best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else result
     gap = (best.value - best.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
     optimality, overshoot = np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
     optimality += adjoint.slack
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
-    turnover = float(solution.duration * (found.size.reshape(count, -1) @ weights @ solution.grid.widths))
+    turnover = float(solution.duration * (result.size.reshape(count, -1) @ weights @ solution.grid.widths))
     size = max(abs(solution.cost), turnover)
     cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
     cost += ROUNDING * size
     return Errors(
         cost, _of_duration(cost, solution, problem), np.max(np.abs(away), axis=0), float(dynamics.sum()),
         float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), left,
-        _spread(found, weights, solution, problem), parts, np.abs(local), away, labels,
+        _spread(result, weights, solution, problem), parts, np.abs(local), away, labels,
     )  # fmt: skip
 
 
@@ -147,11 +147,11 @@ def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:
     return priced, left
 
 
-def _spread(found: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:
+def _spread(result: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:
     shares = (solution.grid.widths[:, None] * weights).ravel()
-    mean = float(shares @ found.value)
+    mean = float(shares @ result.value)
     horizon = problem.horizon
     free = isinstance(horizon, Free) and horizon.lower < solution.duration < horizon.upper
     target = -problem.minimise.time if free else mean
-    size = max(float(shares @ found.size), abs(problem.minimise.time), 1e-300)
-    return float(np.sqrt(shares @ (found.value - target) ** 2)) / size
+    size = max(float(shares @ result.size), abs(problem.minimise.time), 1e-300)
+    return float(np.sqrt(shares @ (result.value - target) ** 2)) / size

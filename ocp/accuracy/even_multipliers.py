@@ -38,7 +38,7 @@ class Adjoint:
 def even(solution: Solution, problem: Problem) -> Adjoint:
     """Return costates for which limits of first order, c(x) <= c_max with dc/dt that depends on u, push evenly.
 
-    A programme holds a limit at single points. In an element with a constant control it binds at one of them, and its
+    An NLP holds a limit at single points. In an element with a constant control it binds at one of them, and its
     multiplier makes lambda a saw there: right in the mean, wrong by what the limit pushes in between, and so are the
     switching functions. Any other distribution of the multiplier,
 
@@ -91,9 +91,9 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     for k in np.flatnonzero(acts.any(axis=1)):
         held = np.flatnonzero(acts[k])
         pushed = root[:, None, None] * authority[k][:, :, held] * reach[:, None]
-        found = _least(pushed, root[:, None] * slopes[k] * reach, free)
-        costates[k] += np.einsum("aj,ij,iax->ix", found, free, gradients[k][:, held])
-        slack[k] = np.sum(np.abs(np.einsum("aj,ij,i,ia->a", found, slope, scheme.weights, away[k][:, held])))
+        result = _least(pushed, root[:, None] * slopes[k] * reach, free)
+        costates[k] += np.einsum("aj,ij,iax->ix", result, free, gradients[k][:, held])
+        slack[k] = np.sum(np.abs(np.einsum("aj,ij,i,ia->a", result, slope, scheme.weights, away[k][:, held])))
     return Adjoint(costates, slack, bool(acts.any()))
 
 
@@ -108,8 +108,8 @@ def _least(pushed: Array, values: Array, free: Array) -> Array:
     matrix = np.einsum("iua,ij->iuaj", pushed, free)
     size = np.maximum(np.sqrt(np.sum(matrix**2, axis=(0, 1, 3))), 1e-300)  # each limit has a unit of its own
     matrix = (matrix / size[:, None]).reshape(values.size, -1)
-    found = np.linalg.lstsq(matrix, -values.ravel(), rcond=None)[0]
-    return np.asarray(found.reshape(len(size), -1) / size[:, None])
+    result = np.linalg.lstsq(matrix, -values.ravel(), rcond=None)[0]
+    return np.asarray(result.reshape(len(size), -1) / size[:, None])
 
 
 def _reach(problem: Problem, u: Array) -> Array:

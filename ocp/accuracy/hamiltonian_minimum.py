@@ -151,9 +151,9 @@ def solved(matrices: Array, right: Array) -> Array:
         return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
     except np.linalg.LinAlgError:
         usable = np.all(np.isfinite(matrices), axis=(1, 2)) & np.all(np.isfinite(right), axis=1)
-        found = np.zeros_like(right)
-        found[usable] = np.einsum("kij,kj->ki", np.linalg.pinv(matrices[usable]), right[usable])
-        return found
+        result = np.zeros_like(right)
+        result[usable] = np.einsum("kij,kj->ki", np.linalg.pinv(matrices[usable]), right[usable])
+        return result
 
 
 def _interior(

@@ -134,16 +134,16 @@ def _rungs(
     finish: Callable[[Solution], Solution] | None,
 ) -> Iterator[Solution]:  # fmt: skip
     history: list[float] = []
-    found: Solution = solve(problem, scheme, grid, solver, guess, values)
+    result: Solution = solve(problem, scheme, grid, solver, guess, values)
     while True:
-        errors = estimate(found)
-        history.append(wanted.error(found, errors))
-        rung = _told(found, wanted, errors, budget)
+        errors = estimate(result)
+        history.append(wanted.error(result, errors))
+        rung = _told(result, wanted, errors, budget)
         if rung.accuracy is not None and rung.accuracy.met:
             yield _ended(rung, "the tolerance is met")
             return
-        if finish is not None and found.status in USABLE:
-            finished = finish(found)
+        if finish is not None and result.status in USABLE:
+            finished = finish(result)
             last = _told(finished, wanted, estimate(finished), budget) if finished.ok else rung
             if last.accuracy is not None and last.accuracy.error < history[-1]:
                 yield rung
@@ -151,9 +151,9 @@ def _rungs(
                     yield _ended(last, "the tolerance is met")
                     return
                 rung = last
-        stuck = found.status not in USABLE
-        scheme, grid = (found.scheme, found.grid) if stuck else refine(found, wanted, errors)
-        reason = found.status.value if stuck else budget.refuses(grid, found.timings.total, len(found.grid))
+        stuck = result.status not in USABLE
+        scheme, grid = (result.scheme, result.grid) if stuck else refine(result, wanted, errors)
+        reason = result.status.value if stuck else budget.refuses(grid, result.timings.total, len(result.grid))
         if len(history) > STALLED and min(history[-STALLED:]) > 0.5 * min(history[:-STALLED]):
             reason = reason or f"the error has not been halved in {STALLED} rungs"
         if len(history) >= RUNGS:
@@ -163,10 +163,10 @@ def _rungs(
             return
         left = max(budget.seconds - budget.spent, 0.1)
         limited = replace(
-            _tight(solver, found, max(wanted.tol, LATER * history[-1]) * errors.cost / history[-1]),
+            _tight(solver, result, max(wanted.tol, LATER * history[-1]) * errors.cost / history[-1]),
             max_seconds=min(solver.max_seconds, left),
         )
-        found = _next(found, errors, scheme, grid, limited, values)
+        result = _next(result, errors, scheme, grid, limited, values)
 
 
 def _tight(solver: Ipopt, last: Solution, error: float) -> Ipopt:
@@ -192,16 +192,16 @@ def _next(
     problem = last.problem
     assert problem is not None
     prepared = prepare(problem, scheme, grid, solver, last, values)
-    found: Solution = prepared.proceed(last, values)
+    result: Solution = prepared.proceed(last, values)
     worst = last.cost + errors.cost
-    usable = found.status in USABLE
-    if usable and (found.cost <= worst or found.cost <= worst + estimate(found).cost):
-        return found
+    usable = result.status in USABLE
+    if usable and (result.cost <= worst or result.cost <= worst + estimate(result).cost):
+        return result
     cold: Solution = prepared(None, values)
-    best = min((one for one in (found, cold) if one.status in USABLE), key=lambda one: one.cost, default=cold)
+    best = min((one for one in (result, cold) if one.status in USABLE), key=lambda one: one.cost, default=cold)
     why = "lead to a worse optimum" if usable else "fail"
     return replace(
-        best, iterations=found.iterations + cold.iterations,
+        best, iterations=result.iterations + cold.iterations,
         message=f"{best.message}; the multipliers of the rung before {why}, solved from scratch",
     )  # fmt: skip
 
@@ -257,7 +257,7 @@ def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float
     low, high = problem.limits(Where.ALONG, problem.system.u)
     span = np.where(np.isfinite(high - low), high - low, np.ptp(means, axis=0))
     ends, widths, count = solution.grid.ends, solution.grid.widths, len(solution.grid)
-    found = []
+    results = []
     edges = np.flatnonzero(np.diff(np.concatenate([[0], marked.astype(int), [0]])))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first > LONGEST_RUN or first == 0 or last == count:
@@ -270,8 +270,8 @@ def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float
             share = np.clip((means[first:last, i] - after) / (before - after), 0.0, 1.0)
             places.append(float(ends[first] + share @ widths[first:last]))
         if places:
-            found.append((int(first), int(last), places))
-    return found
+            results.append((int(first), int(last), places))
+    return results
 
 
 def _scheme(problem: Problem) -> Scheme:

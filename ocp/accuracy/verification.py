@@ -41,7 +41,7 @@ class Report:
     @cached_property
     def failures(self) -> tuple[str, ...]:
         """Sentences on what is not verified; empty for a verified solution."""
-        found = [] if self.status == "SOLVED" else [f"the solver ended with {self.status}"]
+        result = [] if self.status == "SOLVED" else [f"the solver ended with {self.status}"]
         checks = (
             ("the re-integrated motion drifts away by", self.drift, 1e-6),
             ("a limit is exceeded by", self.violation, 2e-3),
@@ -51,8 +51,8 @@ class Report:
         )
         for words, figure, allowed in checks:
             if figure > allowed or (np.isnan(figure) and figure.what != "undefined"):
-                found.append(f"{words} {figure}, allowed are {allowed:g}")
-        return tuple(found)
+                result.append(f"{words} {figure}, allowed are {allowed:g}")
+        return tuple(result)
 
     @property
     def ok(self) -> bool:
@@ -75,7 +75,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     violation: every limit at 24 places of each element. hamiltonian: lambda . f + running at the collocation points.
     switching: integral of what H loses when every control alone goes where a quadratic model of H is least in its
     range; dH/du_i (u_i - u_i*) where H is linear in it, u_i* the end of its range that lowers H; for controls limited
-    one by one, the multipliers of limits of states spread over their elements (`ocp.accuracy.even_multipliers`). energy: signals
+    one by one, the multipliers of limits of states spread over their elements. energy: signals
     "energy", "power" and, if there, "loss", along the integrated motion.
 
     Args:
@@ -107,7 +107,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
 
 def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
     """Return the distance of both sides of every link, relative to its largest value in the phase before."""
-    found = []
+    results = []
     for k, (before, after) in enumerate(pairwise(solution.phases)):
         left, right = solution.problem.sides[k]
         path = before.signal(left, before.t)
@@ -116,8 +116,8 @@ def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
         size = np.where(size > 0.0, size, 1.0)
         for i, amount in enumerate(apart):
             figure = Figure(amount, "", "link", f"link {i + 1} at junction {k + 1}", before.duration)
-            found.append((float(amount / size[i]), figure))
-    return found
+            results.append((float(amount / size[i]), figure))
+    return results
 
 
 def _merged(reports: list[Report], gaps: list[tuple[float, Figure]]) -> Report:

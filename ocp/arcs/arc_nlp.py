@@ -1,4 +1,4 @@
-"""The programme of a switching structure: the durations of its arcs are unknowns, controls at limits are pinned."""
+"""The NLP of a switching structure: the durations of its arcs are unknowns, controls at limits are pinned."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ocp.transcription.arc_division import Condition, Division, Near
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
-from ocp.transcription.nlp import Programme, bounds
+from ocp.transcription.nlp import Nlp, bounds
 from ocp.transcription.packing import pack
 from ocp.transcription.scaling import from_limits
 
@@ -38,19 +38,19 @@ class ArcProgramme:
         task: the problem.
         arcs: the structure.
         elements: number of elements of each arc.
-        programme: with one duration for each arc.
+        NLP: with one duration for each arc.
         division: into arcs.
         ties: conditions of held and touched limits.
-        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
-        solver: of the programme.
-        equations: that the programme is, if there are as many as unknowns; they need no solver.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the NLP.
+        solver: of the NLP.
+        equations: that the NLP is, if there are as many as unknowns; they need no solver.
         setup: seconds.
     """
 
     task: ArcProblem
     arcs: tuple[Arc, ...]
     elements: tuple[int, ...]
-    programme: Programme
+    nlp: Nlp
     division: Division
     ties: tuple[Tie, ...]
     limited: bool
@@ -59,20 +59,20 @@ class ArcProgramme:
     setup: float
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProgramme:
-        """Return this programme for other parameter values and a problem that differs in numbers only."""
-        programme = replace(self.programme, problem=_freed(problem))
-        return replace(self, task=self.task.adapted(problem, numbers), programme=programme)
+        """Return this NLP for other parameter values and a problem that differs in numbers only."""
+        nlp = replace(self.nlp, problem=_freed(problem))
+        return replace(self, task=self.task.adapted(problem, numbers), nlp=nlp)
 
     def start(self, guess: Guess, durations: Array) -> Array:
         """Return the unknowns (nz,) of a guess of the motion and of the durations (A,) of its arcs [s]."""
         grid = _grid(durations, self.division.arc, self._widths)
-        z0 = pack(replace(self.programme, grid=grid), guess, list(self.task.numbers))
-        z0[self.programme.layout.horizon] = durations / self.programme.scaling.horizon
+        z0 = pack(replace(self.nlp, grid=grid), guess, list(self.task.numbers))
+        z0[self.nlp.layout.horizon] = durations / self.nlp.scaling.horizon
         return z0
 
     def restart(self, solution: Solution) -> Array:
         """Return the unknowns (nz,) of a solution with the same structure and as many elements."""
-        layout, scaling, z0 = self.programme.layout, self.programme.scaling, np.zeros(self.programme.layout.size)
+        layout, scaling, z0 = self.nlp.layout, self.nlp.scaling, np.zeros(self.nlp.layout.size)
         assert solution.structure is not None
         z0[layout.state], z0[layout.control] = solution.states / scaling.x, solution.controls / scaling.u
         z0[layout.horizon] = np.array([arc.duration for arc in solution.structure.arcs]) / scaling.horizon
@@ -85,7 +85,7 @@ class ArcProgramme:
         It often has as many equations as unknowns then, which take few Newton steps near their solution.
         """
         bare = replace(self, limited=False)
-        return replace(bare, equations=as_equations(self.programme, bare.sides()))
+        return replace(bare, equations=as_equations(self.nlp, bare.sides()))
 
     def solve(self, z0: Array) -> ArcMotion:
         """Solve from given unknowns (nz,).
@@ -114,47 +114,47 @@ class ArcProgramme:
         return 1.0 / np.repeat(self.elements, self.elements)
 
     def _motion(self, answer: Answer, setup: float) -> ArcMotion:
-        programme, layout, scaling, arc = (
-            self.programme,
-            self.programme.layout,
-            self.programme.scaling,
+        nlp, layout, scaling, arc = (
+            self.nlp,
+            self.nlp.layout,
+            self.nlp.scaling,
             self.division.arc,
         )
-        found = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
-        done = tuple(replace(a, duration=float(t)) for a, t in zip(self.arcs, found, strict=True))
+        result = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
+        done = tuple(replace(a, duration=float(t)) for a, t in zip(self.arcs, result, strict=True))
         states, controls = answer.z[layout.state] * scaling.x, answer.z[layout.control] * scaling.u
         parameters = np.array(self.task.numbers)
-        parameters[programme.free] = answer.z[layout.free] * scaling.free
-        scheme, mu = self.task.scheme, answer.multipliers[programme.defects]
+        parameters[nlp.free] = answer.z[layout.free] * scaling.free
+        scheme, mu = self.task.scheme, answer.multipliers[nlp.defects]
         costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
-        grid = _grid(found, arc, self._widths)
+        grid = _grid(result, arc, self._widths)
         pressures, jumps = adjoin_directly(
-            self.task.limits, self.ties, programme, answer, (states, controls, costates), grid, parameters
+            self.task.limits, self.ties, nlp, answer, (states, controls, costates), grid, parameters
         )
-        price = sum(_price(n, controls, grid.widths * found.sum()) for n in self.division.near)
+        price = sum(_price(n, controls, grid.widths * result.sum()) for n in self.division.near)
         return ArcMotion(
-            done, answer, grid, arc, states, controls, costates, pressures, jumps, programme.free, parameters, setup,
+            done, answer, grid, arc, states, controls, costates, pressures, jumps, nlp.free, parameters, setup,
             price,
         )  # fmt: skip
 
     def sides(self) -> tuple[Array, Array, Array, Array]:
         """Return the bounds with controls pinned, and without the limits that conditions hold already, or any."""
-        programme, problem, limits, limited = self.programme, self.task.problem, self.task.limits, self.limited
-        low, high, rows_low, rows_high = bounds(programme)
-        layout = programme.layout
-        lower, upper = (side / programme.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
+        nlp, problem, limits, limited = self.nlp, self.task.problem, self.task.limits, self.limited
+        low, high, rows_low, rows_high = bounds(nlp)
+        layout = nlp.layout
+        lower, upper = (side / nlp.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
         low[layout.horizon], high[layout.horizon] = 0.0 if limited else -np.inf, np.inf
-        rows_low[programme.total], rows_high[programme.total] = _totals(problem)
-        for tie, rows in zip(self.ties, programme.conditions, strict=True):
+        rows_low[nlp.total], rows_high[nlp.total] = _totals(problem)
+        for tie, rows in zip(self.ties, nlp.conditions, strict=True):
             rows_low[rows] = rows_high[rows] = tie.value(limits) / tie.condition.size
-        numbers = {part: place for place, part in enumerate(programme.path_parts)}
+        numbers = {part: place for place, part in enumerate(nlp.path_parts)}
         known = np.append(layout.state[0, 0], layout.state[-1, -1])  # conditions at the ends of the motion stay
         for limit in () if limited else limits:
             if limit.state >= 0:
                 chosen = np.setdiff1d(layout.state[:, :, limit.state], known)
                 low[chosen], high[chosen] = -np.inf, np.inf
             else:
-                chosen = programme.path[numbers[limit.constraint, limit.component]]
+                chosen = nlp.path[numbers[limit.constraint, limit.component]]
                 rows_low[chosen], rows_high[chosen] = -np.inf, np.inf
         if not limited:
             low[layout.control], high[layout.control] = -np.inf, np.inf
@@ -172,7 +172,7 @@ class ArcProgramme:
                     chosen = np.setdiff1d(chosen, known)
                     low[chosen], high[chosen] = -np.inf, np.inf
                 else:
-                    rows = programme.path[numbers[limit.constraint, limit.component]]
+                    rows = nlp.path[numbers[limit.constraint, limit.component]]
                     # A row at the start of an arc is the last one of the element before.
                     before = rows[own[0] - 1, -1:] if limit.order and own[0] > 0 else rows[:0, 0]
                     chosen = np.append(rows[own] if along else rows[:0], before)
@@ -191,8 +191,8 @@ def pose_arcs(
     ties = _ties(task, arcs, arc, guess.duration)
     near = _near(task, arcs, arc, guess, grid, weight)
     division = Division(arc, tuple(tie.condition for tie in ties), bool(np.isfinite(_totals(task.problem)).any()), near)
-    programme = transcribe(freed, task.scheme, grid, scaling, division)
-    return ArcProgramme(task, arcs, elements, programme, division, ties, True, None, None, 0.0)
+    nlp = transcribe(freed, task.scheme, grid, scaling, division)
+    return ArcProgramme(task, arcs, elements, nlp, division, ties, True, None, None, 0.0)
 
 
 def prepare_arcs(
@@ -208,14 +208,14 @@ def prepare_arcs(
         guess: of the motion; sets the scaling.
         settings: of IPOPT.
         weight: [cost/s] of the distance of undetermined controls from those of the guess.
-        limited: whether limits that the structure does not meet, and durations >= 0, are part of the programme.
+        limited: whether limits that the structure does not meet, and durations >= 0, are part of the NLP.
     """
     begun = time.perf_counter()
     whole = pose_arcs(task, arcs, elements, guess, weight)
     whole = whole if limited else whole.unlimited()
-    programme = whole.programme
-    sizes = programme.scaling.cost, programme.sizes
-    solver = None if whole.equations else build(programme.nlp, programme.derivatives, settings, False, sizes)
+    nlp = whole.nlp
+    sizes = nlp.scaling.cost, nlp.sizes
+    solver = None if whole.equations else build(nlp.expressions, nlp.derivatives, settings, False, sizes)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun)
 
 
@@ -246,7 +246,7 @@ def _near(
 ) -> tuple[Near, ...]:
     """Return the prices that keep undetermined controls near those of the guess."""
     low, high = task.problem.limits(Where.ALONG, task.problem.system.u)
-    found = []
+    results = []
     for k, a in enumerate(arcs if weight > 0.0 else ()):
         chosen = np.array([i for i in sorted(task.singular) if a.kinds[i] is Kind.INTERIOR], dtype=int)
         if len(chosen) == 0:
@@ -256,8 +256,8 @@ def _near(
         reference = guess.control(share)[:, :, chosen]
         used = np.maximum(np.ptp(guess.u, axis=0), np.max(np.abs(guess.u), axis=0))
         size = np.where(np.isfinite(high - low), high - low, np.where(used > 0.0, used, 1.0))[chosen]
-        found.append(Near(chosen, reference, size, weight, own, task.scheme.weights))
-    return tuple(found)
+        results.append(Near(chosen, reference, size, weight, own, task.scheme.weights))
+    return tuple(results)
 
 
 def _price(near: Near, controls: Array, seconds: Array) -> float:

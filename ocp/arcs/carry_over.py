@@ -24,7 +24,7 @@ from ocp.solving.starts import from_solution
 
 REVISIONS = 3  # of a structure that turns out wrong
 SHORTEST = 1e-6  # share of the duration that an arc begins with where two switches change places
-KEPT = 16  # programmes
+KEPT = 16  # NLPs
 # Near the answer from the start: limits that are not met hardly count, multipliers are estimated by least squares.
 SETTINGS = Ipopt(
     tol=1e-12,
@@ -49,14 +49,14 @@ class PreparedStructure:
         origin: the polished solution whose structure it is.
         task: its problem.
         settings: of IPOPT.
-        programmes: of its structure, and of those met since.
+        NLPs: of its structure, and of those met since.
         setup: seconds.
     """
 
     origin: Solution
     task: ArcProblem
     settings: Ipopt
-    programmes: dict[object, ArcProgramme]
+    nlps: dict[object, ArcProgramme]
     setup: float
 
     def __call__(
@@ -99,28 +99,28 @@ class PreparedStructure:
         elements, before = _elements(guess), guess
         while True:
             if self.task.loose(arcs):
-                found, reason = before, "singular arcs need a price that is iterated away; polish does that"
+                result, reason = before, "singular arcs need a price that is iterated away; polish does that"
                 break
-            programme = self._programme(arcs, elements).adapted(new, numbers)
-            start = programme.start(from_solution(before), durations(arcs)) if seen else programme.restart(guess)
-            motion = programme.solve(start)
+            nlp = self._programme(arcs, elements).adapted(new, numbers)
+            start = nlp.start(from_solution(before), durations(arcs)) if seen else nlp.restart(guess)
+            motion = nlp.solve(start)
             seen.add(key_of(arcs))
             iterations += motion.answer.iterations
             derivatives, solver = derivatives + motion.answer.derivatives, solver + motion.answer.seconds
-            found = before = motion.solution(programme.task, self.origin)
-            reason, revised = _judged(programme.task, motion, found)
+            result = before = motion.solution(nlp.task, self.origin)
+            reason, revised = _judged(nlp.task, motion, result)
             if not reason or key_of(revised) in seen or len(seen) > REVISIONS:
                 break
             elements = elements if len(revised) == len(arcs) else elements_of(revised, _level(self.origin))
             arcs = revised
         total = time.perf_counter() - begun
         timings = Timings(total - solver, derivatives, solver - derivatives, total)
-        found = replace(found, iterations=iterations, timings=timings, rung="structure carried over")
+        result = replace(result, iterations=iterations, timings=timings, rung="structure carried over")
         if reason:
-            return _refused(found, reason)
+            return _refused(result, reason)
         words = f"{len(motion.arcs)} arcs carried over" + (f", {len(seen) - 1} times revised" if len(seen) > 1 else "")
-        structure = tabulate(new, programme.task.limits, motion.arcs)
-        return replace(found, structure=structure, message=f"{found.status.value}; {words}")
+        structure = tabulate(new, nlp.task.limits, motion.arcs)
+        return replace(result, structure=structure, message=f"{result.status.value}; {words}")
 
     def _check(self, guess: Solution) -> None:
         checks.instance("guess", guess, Solution, "a Solution, or None for the origin")
@@ -129,26 +129,26 @@ class PreparedStructure:
             raise ValueError(f"guess: has (scheme, nx, nu) = {sizes}, the structure was prepared with {expected}")
 
     def _elsewhere(self, values: Mapping[str, float] | None, problem: Problem, guess: Solution) -> Solution:
-        """Solve for a problem with a system of its own, whose programme is of no use afterwards."""
+        """Solve for a problem with a system of its own, whose NLP is of no use afterwards."""
         there = prepare_structure(replace(self.origin, problem=problem), self.settings)
         orders = [[(k.constraint, k.component, k.order) for k in one.task.limits] for one in (self, there)]
         reason = _other_limits(self.task.problem, problem)
         if reason or orders[0] != orders[1]:
             return _refused(replace(guess, problem=problem), reason or "its state limits are of other order")
-        found = there(values, guess=guess)
-        spent = found.timings
+        result = there(values, guess=guess)
+        spent = result.timings
         spent = replace(spent, setup=spent.setup + there.setup, total=spent.total + there.setup)
-        return replace(found, timings=spent)
+        return replace(result, timings=spent)
 
     def _programme(self, arcs: tuple[Arc, ...], elements: tuple[int, ...]) -> ArcProgramme:
-        """Return the programme of a structure, as it follows from the origin whatever was solved before."""
+        """Return the NLP of a structure, as it follows from the origin whatever was solved before."""
         key = key_of(arcs), elements
-        if key not in self.programmes:
-            if len(self.programmes) >= KEPT:
-                del self.programmes[next(iter(self.programmes))]
+        if key not in self.nlps:
+            if len(self.nlps) >= KEPT:
+                del self.nlps[next(iter(self.nlps))]
             scale = from_solution(self.origin)
-            self.programmes[key] = prepare_arcs(self.task, arcs, elements, scale, self.settings, limited=False)
-        return self.programmes[key]
+            self.nlps[key] = prepare_arcs(self.task, arcs, elements, scale, self.settings, limited=False)
+        return self.nlps[key]
 
 
 def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> PreparedStructure:
@@ -180,7 +180,7 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
     return replace(prepared, setup=time.perf_counter() - begun)
 
 
-def _judged(task: ArcProblem, motion: ArcMotion, found: Solution) -> tuple[str, tuple[Arc, ...]]:
+def _judged(task: ArcProblem, motion: ArcMotion, result: Solution) -> tuple[str, tuple[Arc, ...]]:
     """Return what is wrong with a motion, or nothing, and the arcs to try next."""
     arcs, least = motion.arcs, SHORTEST * motion.duration
     if motion.answer.status is not Status.SOLVED:
@@ -192,7 +192,7 @@ def _judged(task: ArcProblem, motion: ArcMotion, found: Solution) -> tuple[str, 
     certificate = certify(task, motion)
     if not certificate.sound:
         return complaint(task, certificate), revise(motion, certificate, task.limits)
-    residual = float(np.max(found.error))
+    residual = float(np.max(result.error))
     if residual > RESIDUAL:
         return f"the local error of the dynamics is {residual:.1e}, more elements are needed", arcs
     return _beyond(task, motion), arcs

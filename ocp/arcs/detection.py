@@ -82,8 +82,8 @@ def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
     edges = (grid.ends[:-1, None] + grid.widths[:, None] * marks[:-1]).ravel()
     _, x, _, u = solution.samples(middle)
     costates = np.einsum("sd,kda->ksa", scheme.costate_at(middle), solution.costates).reshape(len(x), -1)
-    found = switching_functions(problem, x, u, costates, list(solution.values.values()))
-    return np.append(edges, 1.0) * solution.duration, u, found.shares
+    result = switching_functions(problem, x, u, costates, list(solution.values.values()))
+    return np.append(edges, 1.0) * solution.duration, u, result.shares
 
 
 def contacts(

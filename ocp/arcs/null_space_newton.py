@@ -1,4 +1,4 @@
-"""A programme with about as many equations as unknowns: little is left to choose, and Newton's iteration solves it."""
+"""An NLP with about as many equations as unknowns: little is left to choose, and Newton's iteration solves it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.solution.solution import Status
 from ocp.solving.ipopt import Answer
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 Sides = tuple[Array, Array, Array, Array]  # lower and upper bounds of unknowns, then of rows
 ENOUGH = 1e-9  # of the scaled unknowns; the next correction would be rounding, as convergence is quadratic
@@ -28,7 +28,7 @@ class Equations:
     dz = r + Z y has B r = [b - g; 0] and (Z' H Z) y = -Z' (grad f + H r), with the Hessian H of the Lagrangian.
 
     Args:
-        programme: whose cost and rows they are.
+        NLP: whose cost and rows they are.
         places: of the unknowns that are not given.
         border: C.
         linear: solver with B, sparse QR.
@@ -36,7 +36,7 @@ class Equations:
     Source: J. Nocedal, S. J. Wright, Numerical Optimization, 18.3 (null-space method).
     """
 
-    programme: Programme
+    nlp: Nlp
     places: list[int]
     border: ca.DM
     linear: ca.Linsol
@@ -46,7 +46,7 @@ class Equations:
 
         Args:
             z0: (nz,) to start from; given unknowns at their values.
-            p: parameters of the programme.
+            p: parameters of the NLP.
             sides: bounds; equal for given unknowns and for all rows.
         """
         begun = time.perf_counter()
@@ -57,7 +57,7 @@ class Equations:
         try:
             for _ in range(MOST_ITERATIONS):
                 clock = time.perf_counter()
-                rows, jacobian = self.programme.derivatives["jac_g"](z, p)
+                rows, jacobian = self.nlp.derivatives["jac_g"](z, p)
                 inside += time.perf_counter() - clock
                 square = jacobian[:, self.places]
                 square = ca.vertcat(square, self.border) if free else square
@@ -74,13 +74,13 @@ class Equations:
                 if sizes[-1] <= ENOUGH:
                     status, words = Status.SOLVED, "solved as equations"
                     break
-            value, gradient = self.programme.derivatives["grad_f"](z, p)
+            value, gradient = self.nlp.derivatives["grad_f"](z, p)
             cost = float(value)
             if status is Status.SOLVED and least <= 0.0:
                 status, words = Status.FAILED, "Newton's iteration leads to no minimum"
             if status is Status.SOLVED:
-                found = -self.linear.solve(square, gradient[self.places], True)[:count]
-                lam, limits = np.array(found).ravel(), -np.array(gradient + jacobian.T @ found).ravel()
+                result = -self.linear.solve(square, gradient[self.places], True)[:count]
+                lam, limits = np.array(result).ravel(), -np.array(gradient + jacobian.T @ result).ravel()
                 limits[self.places] = 0.0
         except RuntimeError as error:  # a matrix that cannot be factorised
             status, words = Status.FAILED, str(error).splitlines()[-1]
@@ -89,7 +89,7 @@ class Equations:
 
     def _chosen(self, z: Array, p: Array, square: ca.DM, step: Array, directions: Array) -> tuple[Array, float]:
         """Return the step along the directions left free, and the least curvature of the Lagrangian there."""
-        derivatives, count = self.programme.derivatives, square.size1() - directions.shape[1]
+        derivatives, count = self.nlp.derivatives, square.size1() - directions.shape[1]
         gradient = derivatives["grad_f"](z, p)[1][self.places]
         lam = -self.linear.solve(square, gradient, True)[:count]
         upper, whole = derivatives["hess_lag"](z, p, 1.0, lam), np.zeros((len(z), directions.shape[1]))
@@ -103,11 +103,11 @@ class Equations:
         return along, float(np.min(np.linalg.eigvalsh((curvature + curvature.T) / 2.0)))
 
 
-def as_equations(programme: Programme, sides: Sides) -> Equations | None:
-    """Return a programme as equations; None if they are more than the unknowns, far less, or inequalities.
+def as_equations(nlp: Nlp, sides: Sides) -> Equations | None:
+    """Return an NLP as equations; None if they are more than the unknowns, far less, or inequalities.
 
     Args:
-        programme: transcribed, its durations unknowns.
+        NLP: transcribed, its durations unknowns.
         sides: bounds of the unknowns and of the rows.
     """
     low, high, rows_low, rows_high = sides
@@ -118,11 +118,9 @@ def as_equations(programme: Programme, sides: Sides) -> Equations | None:
     if limited.any() or np.any(rows_low != rows_high) or not 0 <= free <= MOST_FREE:
         return None
     # What is left free moves the switches, as a rule.
-    durations = np.searchsorted(places, programme.layout.horizon)
+    durations = np.searchsorted(places, nlp.layout.horizon)
     border = ca.DM(free, len(places))
     border[:, durations.tolist()] = np.random.default_rng(1).uniform(0.5, 1.5, (free, len(durations)))
-    pattern = programme.derivatives["jac_g"].sparsity_out(1)
+    pattern = nlp.derivatives["jac_g"].sparsity_out(1)
     chosen = ca.DM(pattern, 1.0)[:, places.tolist()]
-    return Equations(
-        programme, places.tolist(), border, ca.Linsol("linear", "qr", ca.vertcat(chosen, border).sparsity())
-    )
+    return Equations(nlp, places.tolist(), border, ca.Linsol("linear", "qr", ca.vertcat(chosen, border).sparsity()))

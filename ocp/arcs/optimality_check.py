@@ -86,7 +86,7 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
     cost = max(abs(motion.answer.cost), 1e-300)
     sizes = [limit.range / cost for limit in limits]
     # At an upper limit multipliers and jumps are positive, at a lower one negative. Those of a hold are derivatives of
-    # its multiplier and noisy on a short arc; those of a touch are multipliers of the programme.
+    # its multiplier and noisy on a short arc; those of a touch are multipliers of the NLP.
     jumps = tuple(
         j
         for j in motion.jumps
@@ -139,8 +139,8 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     costates = np.einsum("sm,kma->ksa", scheme.costate_at(tau), motion.costates).reshape(n * s, -1)
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    found = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
-    gains = np.where(np.abs(found.shares) > SIGNIFICANT, found.gains, 0.0)
+    result = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
+    gains = np.where(np.abs(result.shares) > SIGNIFICANT, result.gains, 0.0)
     seconds = motion.duration * motion.grid.widths
     t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
     # A trapezoid on the places of every element is enough for a quantity that should vanish.
@@ -174,7 +174,7 @@ def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     t = (motion.duration * (motion.grid.ends[:-1, None] + motion.grid.widths[:, None] * tau)).ravel()
     values = np.array(mapped(task.levels, len(t))(x.T, u.T, np.tile(motion.parameters[:, None], len(t))))
-    found: list[Crossing] = []
+    results: list[Crossing] = []
     for number, limit in enumerate(limits):
         for side in (-1, 1):
             if not np.isfinite(limit.at(side)):
@@ -187,5 +187,5 @@ def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
                 crossing = Crossing(
                     Contact(number, side), float(t[a]), float(t[b - 1]), float(t[worst]), float(share[worst])
                 )
-                found.append(crossing)
-    return tuple(sorted(found, key=lambda c: -c.share))
+                results.append(crossing)
+    return tuple(sorted(results, key=lambda c: -c.share))

@@ -120,10 +120,10 @@ def polish(
         if tried.motion is not None and tried.certificate is not None:
             if tried.motion.answer.cost - tried.motion.price <= allowed:
                 spent = iterations, time.perf_counter() - begun
-                found = _polished(task, solution, tried, spent)
-                loose = between_points(found)
+                result = _polished(task, solution, tried, spent)
+                loose = between_points(result)
                 if not loose:
-                    return found
+                    return result
                 reason = loose[0]
             else:
                 cost = tried.motion.answer.cost
@@ -159,8 +159,8 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
         loose = task.loose(arcs)
         weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
         begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
-        programme = prepare_arcs(task, arcs, elements, guess, begin, weight)
-        motion = programme.solve(programme.start(guess, durations(arcs)))
+        nlp = prepare_arcs(task, arcs, elements, guess, begin, weight)
+        motion = nlp.solve(nlp.start(guess, durations(arcs)))
         solves, iterations = solves + 1, iterations + motion.answer.iterations
         work += motion.answer.iterations * sum(elements) * task.scheme.degree
         seen.add(key_of(arcs))
@@ -195,13 +195,13 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(*_finished(programme, motion, certificate), "", iterations, work)
+        return _Try(*_finished(nlp, motion, certificate), "", iterations, work)
     return _Try(None, None, "the structure does not settle", iterations, work)
 
 
-def _finished(programme: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+def _finished(nlp: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
     """Return a motion solved once more as equations, if it is one: limits that it only comes near push it a little."""
-    task, bare = programme.task, programme.unlimited()
+    task, bare = nlp.task, nlp.unlimited()
     if bare.equations is None or task.loose(motion.arcs):
         return motion, certificate
     better = bare.solve(motion.answer.z)
@@ -222,9 +222,9 @@ def _doubt(problem: Problem, solution: Solution) -> float:
     """Return by how much the cost of a solution may be too low, to first order."""
     _, x, _, u = solution.samples(solution.scheme.points)
     costates = solution.costates.reshape(len(x), -1)
-    found = switching_functions(problem, x, u, costates, list(solution.values.values()))
+    result = switching_functions(problem, x, u, costates, list(solution.values.values()))
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
-    return float(weights @ found.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
+    return float(weights @ result.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
 
 
 def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> Grid:
@@ -246,17 +246,17 @@ def _polished(task: ArcProblem, given: Solution, tried: _Try, spent: tuple[int, 
     assert motion is not None
     assert certificate is not None
     iterations, seconds = spent
-    found = motion.solution(task, given)
+    result = motion.solution(task, given)
     words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
-    residual = float(np.max(found.error))
+    residual = float(np.max(result.error))
     if residual > RESIDUAL:
         words += f", local error of the dynamics {residual:.1e}"
     if motion.price > 0.0:
-        words += f", singular arcs regularised at a price of {motion.price / abs(found.cost):.1e} of the cost"
+        words += f", singular arcs regularised at a price of {motion.price / abs(result.cost):.1e} of the cost"
     inside = motion.answer.derivatives
     timings = Timings(seconds - motion.answer.seconds, inside, motion.answer.seconds - inside, seconds)
     return replace(
-        found, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings, rung="polish",
+        result, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings, rung="polish",
         structure=tabulate(task.problem, task.limits, motion.arcs),
     )  # fmt: skip
 

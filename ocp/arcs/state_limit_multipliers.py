@@ -15,7 +15,7 @@ from ocp.solution.structure import Contact
 from ocp.solving.ipopt import Answer
 from ocp.transcription.arc_division import Condition
 from ocp.transcription.grid import Grid
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Tie:
 
 
 def adjoin_directly(
-    limits: tuple[StateLimit, ...], ties: tuple[Tie, ...], programme: Programme, answer: Answer,
+    limits: tuple[StateLimit, ...], ties: tuple[Tie, ...], nlp: Nlp, answer: Answer,
     motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
 ) -> tuple[tuple[Pressure, ...], tuple[Jump, ...]]:  # fmt: skip
     """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.
@@ -64,9 +64,9 @@ def adjoin_directly(
 
     with the multiplier mu of c^(r) = 0; eta >= 0 and jumps >= 0 at an upper limit of an optimal motion.
     """
-    scheme = programme.scheme
+    scheme = nlp.scheme
     states, controls, costates = motion
-    seconds = grid.widths * sum(answer.z[programme.layout.horizon]) * programme.scaling.horizon
+    seconds = grid.widths * sum(answer.z[nlp.layout.horizon]) * nlp.scaling.horizon
     at_points = list(scheme.at)
     pressures: list[Pressure] = []
     jumps: list[Jump] = []
@@ -74,7 +74,7 @@ def adjoin_directly(
     leaving: dict[tuple[int, Contact], float] = {}
     edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
     slopes = slope_matrix(scheme.points, scheme.points).T
-    for tie, rows in zip(ties, programme.conditions, strict=True):
+    for tie, rows in zip(ties, nlp.conditions, strict=True):
         limit, own = limits[tie.contact.limit], tie.condition.elements
         if not tie.along:
             continue
@@ -85,16 +85,16 @@ def adjoin_directly(
             rates.append(rates[-1] @ slopes / h)
         if limit.order:
             x, u = states[own][:, at_points].reshape(-1, states.shape[2]), controls[own].reshape(-1, controls.shape[2])
-            found = mapped(tie.gradients, len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
+            result = mapped(tie.gradients, len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
             for k in range(limit.order):
-                gradient = np.array(found[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
+                gradient = np.array(result[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
                 costates[own] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[own].shape)
             # What the last derivative but one is at both ends of the arc is part of the jumps there.
             last = (-1) ** (limit.order - 1) * rates[limit.order - 1]
             entering[tie.arc, tie.contact] = float(edges[0] @ last[0])
             leaving[tie.arc, tie.contact] = float(edges[1] @ last[-1])
         pressures.append(Pressure(tie.arc, tie.contact, (-1) ** limit.order * rates[-1]))
-    for tie, rows in zip(ties, programme.conditions, strict=True):
+    for tie, rows in zip(ties, nlp.conditions, strict=True):
         if not tie.along:
             push = float(answer.multipliers[rows[0, 0, 0]] / tie.condition.size[0])
             jumps.append(Jump(tie.arc, tie.contact, push - entering.get((tie.arc, tie.contact), 0.0)))

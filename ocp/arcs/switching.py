@@ -48,8 +48,8 @@ def switching_functions(
     system = problem.system
     function = _slopes(system, problem.minimise)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
-    found = mapped(function, len(x))(x.T, u.T, p, costates.T)
-    values, sizes, bends = np.array(found[0]).T, np.array(found[1]).ravel(), np.array(found[2]).T
+    result = mapped(function, len(x))(x.T, u.T, p, costates.T)
+    values, sizes, bends = np.array(result[0]).T, np.array(result[1]).ravel(), np.array(result[2]).T
     size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
     low, high = problem.limits(Where.ALONG, system.u)
     reach = np.max(np.abs(u), axis=0, initial=0.0)

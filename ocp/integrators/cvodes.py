@@ -62,18 +62,18 @@ class Cvodes:
         for piece in pieces:
             for stops in (piece.stops, *(() if len(piece.stops) == 2 else _pairs(piece.stops))):
                 whole = stops is piece.stops
-                found, calls, flag = self._over(made, system, parameters, x, stops, piece)
+                result, calls, flag = self._over(made, system, parameters, x, stops, piece)
                 evaluations += calls
-                if found is None and whole and len(stops) > 2:
+                if result is None and whole and len(stops) > 2:
                     continue  # once more from stop to stop, to keep what can be reached
-                if found is None:
+                if result is None:
                     reason = f"CVODES did not reach {stops[-1]:.9g} s from there"
                     if "TOO_MUCH_WORK" in flag:
                         mode = describe(Linearisation(system, parameters).fastest(x, piece.control(stops[0])))
                         reason += f": {MOST_STEPS} steps were not enough{mode}"
                     return Passage(xs, stopped(float(stops[0]), reason), evaluations)
-                xs[row : row + len(found)] = found
-                x, row = found[-1], row + len(found)
+                xs[row : row + len(result)] = result
+                x, row = result[-1], row + len(result)
                 if whole:
                     break
         return Passage(xs, "", evaluations)
@@ -101,11 +101,11 @@ class Cvodes:
             end = integrator(
                 x0=x / scale, p=np.concatenate([parameters, values.ravel(order="F"), place, [width], scale])
             )
-            found = np.array(end["xf"]).T * scale
+            result = np.array(end["xf"]).T * scale
         except RuntimeError as error:
             return None, int(integrator.stats()["nfevals"]), str(error)
-        good = bool(np.all(np.isfinite(found)))
-        return found if good else None, int(integrator.stats()["nfevals"]), ""
+        good = bool(np.all(np.isfinite(result)))
+        return result if good else None, int(integrator.stats()["nfevals"]), ""
 
     def _integrator(self, system: System, shape: Polynomial | _Called, shares: tuple[float, ...]) -> ca.Function:
         """Return the integrator over tau in [0, 1], in states of the size of their absolute tolerance."""

@@ -55,10 +55,10 @@ class Extrapolation:
         for piece in pieces:
             run.rate.control = piece.control
             for t, stop in pairwise(piece.stops.tolist()):
-                found, message = run.through(t, stop, x)
-                if found is None:
+                result, message = run.through(t, stop, x)
+                if result is None:
                     return Passage(xs, message, run.evaluations)
-                xs[row] = x = found
+                xs[row] = x = result
                 row += 1
         return Passage(xs, "", run.evaluations)
 

@@ -116,8 +116,8 @@ def _explicit_step(system: System, tableau: Tableau) -> ca.Function:
     errors = [
         sum((h * e * k for e, k in zip(row, slopes, strict=True) if e != 0.0), ca.SX(0)) for row in tableau.errors
     ]
-    found = ca.horzcat(*errors) if errors else ca.SX(x.numel(), 0)
-    return ca.Function("step", [x, h, u, p], [new, found, 0, len(slopes)], {"cse": True})
+    result = ca.horzcat(*errors) if errors else ca.SX(x.numel(), 0)
+    return ca.Function("step", [x, h, u, p], [new, result, 0, len(slopes)], {"cse": True})
 
 
 def _implicit_step(system: System, tableau: Tableau) -> ca.Function:
@@ -137,7 +137,7 @@ def _implicit_step(system: System, tableau: Tableau) -> ca.Function:
     # The first guess is on the tangent at the start, with the control of the first stage.
     slope = f(given[0], given[2][:, 0], given[3])
     guess = ca.horzcat(*(given[1] * c * slope for c in tableau.c))
-    found, change, iterations = solve(ca.vec(guess), *given)
-    found = ca.reshape(found, nx, s)
-    new = given[0] + found @ ca.DM(np.linalg.solve(tableau.a.T, tableau.b))
-    return ca.Function("step", given, [new, found, change, s * iterations + 1])
+    result, change, iterations = solve(ca.vec(guess), *given)
+    result = ca.reshape(result, nx, s)
+    new = given[0] + result @ ca.DM(np.linalg.solve(tableau.a.T, tableau.b))
+    return ca.Function("step", given, [new, result, change, s * iterations + 1])

@@ -161,9 +161,9 @@ def _met(
             ahead = np.linspace(0.0, piece.stops[reached] - piece.stops[reached - 1], WATCHED)[1:, None]
             slope = np.array(rates(system)(path[reached - 1], u[-1], parameters)).T
             t, fine = np.append(t, t[-1] + ahead), np.vstack([fine, path[reached - 1] + ahead * slope])
-        found = meeting(system, fine, parameters)
-        if found:
-            return float(t[found.row]), found.words
+        result = meeting(system, fine, parameters)
+        if result:
+            return float(t[result.row]), result.words
         if reached < len(path):
             return None
         x, row = path[-1], row + count

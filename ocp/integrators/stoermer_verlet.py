@@ -118,8 +118,8 @@ class StoermerVerlet:
         rng = np.random.default_rng(20260101)
         p = system.values()
         nx, nu = system.x.numel(), system.u.numel()
-        found = [asymmetry(system, rng.uniform(0.3, 1.7, nx), rng.uniform(-1.0, 1.0, nu), p) for _ in range(SAMPLES)]
-        worst = max((value for value in found if np.isfinite(value)), default=0.0)
+        results = [asymmetry(system, rng.uniform(0.3, 1.7, nx), rng.uniform(-1.0, 1.0, nu), p) for _ in range(SAMPLES)]
+        worst = max((value for value in results if np.isfinite(value)), default=0.0)
         if worst > ROUNDING:
             raise ValueError(
                 f"StoermerVerlet: W df/dx is asymmetric by {worst:.1e} of its size, so the state is not [q; p] of a "

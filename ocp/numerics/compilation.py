@@ -60,7 +60,7 @@ def pays(cases: int, derivatives: float) -> bool:
     The linear solver, which takes most of a solve, gains nothing; so the rule asks for the seconds in derivatives.
 
     Args:
-        cases: solves that are still to come with one programme, on all workers.
+        cases: solves that are still to come with one NLP, on all workers.
         derivatives: seconds that the functions of one solve take uncompiled, `solution.timings.derivatives`.
 
     Raises:
@@ -140,9 +140,9 @@ def _compiler() -> list[str]:
     """Return the command of the C compiler: CC with its own flags, else the first one there."""
     named = shlex.split(os.environ.get("CC", ""))
     for command in [named] if named else [["gcc"], ["cc"], ["clang"]]:
-        found = shutil.which(command[0])
-        if found:
-            return [found, *command[1:]]
+        result = shutil.which(command[0])
+        if result:
+            return [result, *command[1:]]
     raise _HindranceError(f"no C compiler ({named[0] if named else 'gcc, cc, clang'}) is there")
 
 

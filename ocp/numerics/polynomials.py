@@ -31,10 +31,10 @@ def _kept(matrix: Matrix) -> Matrix:
         return matrix(np.frombuffer(nodes), np.frombuffer(tau))
 
     @functools.wraps(matrix)
-    def found(nodes: Array, tau: Array) -> Array:
+    def remembered(nodes: Array, tau: Array) -> Array:
         return known(nodes.tobytes(), tau.tobytes()).copy() if len(tau) <= FEW else matrix(nodes, tau)
 
-    return found
+    return remembered
 
 
 @_kept

@@ -138,11 +138,11 @@ class Problem:
             for name, signal in {**system.signals, "x": system.x, "u": system.u}.items()
             for i, label in enumerate(system.label(name, signal.numel()))
         ]
-        found = []
+        results = []
         for c, component in enumerate(ca.vertsplit(constraint.expression)):
             same = (label for signal, label in known if ca.is_equal(signal, component, 2))
-            found.append(next(same, Label("a limited expression" if size == 1 else f"limited expression {c + 1}")))
-        return tuple(found)
+            results.append(next(same, Label("a limited expression" if size == 1 else f"limited expression {c + 1}")))
+        return tuple(results)
 
     def limits(self, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:
         """Return the lower and upper limits that simple components of constraints put on symbols.

@@ -43,17 +43,17 @@ def meeting(system: System, x: Array, values: Sequence[float], start: int = 0) -
     if not system.singular or not len(usable):
         return None
     sizes = quantities(system, x[usable], values)
-    found: list[tuple[int, bool, Singularity]] = []
+    results: list[tuple[int, bool, Singularity]] = []
     first = min(int(np.searchsorted(usable, start)), len(usable) - 1)
     for place, size in zip(system.singular, sizes, strict=True):
         touched = ~(np.abs(size) > place.least)
         turned = np.sign(size) != np.sign(size[first])
         bad = np.flatnonzero(touched | turned)
         if len(bad):
-            found.append((int(usable[bad[0]]), bool(touched[bad[0]]), place))
-    if not found:
+            results.append((int(usable[bad[0]]), bool(touched[bad[0]]), place))
+    if not results:
         return None
-    row, at, place = min(found, key=lambda one: one[0])
+    row, at, place = min(results, key=lambda one: one[0])
     return Meeting(row, at, place.words + met_at(system, place, x[row]))
 
 

@@ -63,7 +63,7 @@ def state_limits(problem: Problem) -> tuple[StateLimit, ...]:
     """
     system = problem.system
     known = ca.vertcat(system.u, system.p)
-    found = []
+    results = []
     for i, constraint in enumerate(problem.subject_to):
         if constraint.where is not Where.ALONG:
             continue
@@ -78,5 +78,5 @@ def state_limits(problem: Problem) -> tuple[StateLimit, ...]:
             while not ca.depends_on(chain[-1], system.u) and len(chain) <= HIGHEST:
                 chain.append(ca.jtimes(chain[-1], system.x, system.rate))
             if ca.depends_on(chain[-1], system.u):
-                found.append(StateLimit(i, c, tuple(chain), lower, upper, labels[c], states.get(c, -1)))
-    return tuple(found)
+                results.append(StateLimit(i, c, tuple(chain), lower, upper, labels[c], states.get(c, -1)))
+    return tuple(results)

@@ -1,4 +1,4 @@
-"""Perturbation of an optimum: how it changes with the numbers of its programme, to first order.
+"""Perturbation of an optimum: how it changes with the numbers of its NLP, to first order.
 
 Source: A. V. Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, 1983; H. Pirnay,
     R. Lopez-Negrete, L. T. Biegler, Optimal sensitivity based on IPOPT, Math. Program. Comput. 4, 2012.
@@ -15,7 +15,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.sensitivities.kkt_root import Bounds, Optimum
 from ocp.sensitivities.kkt_system import Conditions, evaluate
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 REFINEMENTS = 1
 AMBIGUOUS, CONTRADICTION = 1e-4, 1e-7  # above which an optimum is not isolated, rows contradict each other
@@ -45,7 +45,7 @@ def slopes(derivatives: tuple[ca.Function, ca.Function], sizes: tuple[int, int, 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """By how much the numbers of a programme change.
+    """By how much the numbers of an NLP change.
 
     Args:
         head: (np + 1 or np,) parameters, and the duration if it is given.
@@ -90,13 +90,13 @@ class Derivative:
 
 
 def differentiate(
-    programme: Programme, bounds: Bounds, conditions: Conditions, at: Optimum, directions: tuple[Direction, ...],
+    nlp: Nlp, bounds: Bounds, conditions: Conditions, at: Optimum, directions: tuple[Direction, ...],
     count: int,
 ) -> Derivative:  # fmt: skip
     """Return the derivative of an optimum along directions.
 
     Args:
-        programme: solved.
+        NLP: solved.
         bounds: of its unknowns and rows.
         conditions: of it.
         at: the root.
@@ -106,10 +106,10 @@ def differentiate(
     nz, rows = len(at.z), at.rows
     head = np.stack([d.head for d in directions], axis=1)
     low, high, rows_low, rows_high = (np.stack([d.bounds[i] for d in directions], axis=1) for i in range(4))
-    derivatives = programme.derivatives["jac_g"], programme.derivatives["grad_f"]
-    function = slopes(derivatives, (nz, len(at.s), programme.rows), count)
+    derivatives = nlp.derivatives["jac_g"], nlp.derivatives["grad_f"]
+    function = slopes(derivatives, (nz, len(at.s), nlp.rows), count)
     change = np.array(function(at.z, at.s[:count], at.s[count:], at.y)) @ head
-    here = evaluate(programme, at.z, at.s, at.y)
+    here = evaluate(nlp, at.z, at.s, at.y)
     low, high = np.vstack([low, rows_low[rows]]), np.vstack([high, rows_high[rows]])
     known = np.zeros_like(low)  # what limits that are active do to their unknowns
     held = at.duals > at.gaps
@@ -130,14 +130,14 @@ def differentiate(
     for kept in (False, True) if weak.any() else (False,):
         stiffness = np.where(weak, STIFF if kept else 0.0, at.stiffness).sum(axis=0)
         linear = conditions.at(here.hessian, here.jacobian, stiffness)
-        found, left, ambiguity = linear.solve(right, REFINEMENTS)
+        result, left, ambiguity = linear.solve(right, REFINEMENTS)
         if ambiguity < AMBIGUOUS:
             break
     else:
         reason = "the optimum is not isolated: other motions cost the same to second order"
         # The multipliers still say what the cost does, unless rows contradict each other.
-        found, left, _ = conditions.at(here.hessian, here.jacobian, stiffness + LOOSE).solve(right, REFINEMENTS)
-    step = found[: nz + len(rows)] + known
+        result, left, _ = conditions.at(here.hessian, here.jacobian, stiffness + LOOSE).solve(right, REFINEMENTS)
+    step = result[: nz + len(rows)] + known
     unique = bool(np.all(left <= CONTRADICTION))
     if not reason and not unique:
         reason = "active limits depend on each other, and a change moves them apart"
@@ -154,7 +154,7 @@ def differentiate(
         step = np.full_like(step, np.nan)
         cost = cost if unique else np.full_like(cost, np.nan)
     return Derivative(
-        step[:nz], found[len(step) :], cost, np.abs(primal - cost) / size, np.flatnonzero(weak), moves, reason, unique
+        step[:nz], result[len(step) :], cost, np.abs(primal - cost) / size, np.flatnonzero(weak), moves, reason, unique
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.sensitivities.kkt_system import Conditions, Evaluation, conditions, evaluate
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 Bounds = tuple[Array, Array, Array, Array]  # lower, upper of the unknowns (nz,), lower, upper of the rows (ng,)
 FIRST, LAST = 1e-10, 1e-20  # mu at the start and at the end
@@ -33,7 +33,7 @@ class Optimum:
 
     Args:
         z, y: (nz,), (ng,) unknowns and multipliers of the rows.
-        s: parameters of the programme.
+        s: parameters of the NLP.
         w: (k,) slacks of the limited rows.
         gaps: (2, nz + k) distances from the lower and upper limits, infinite where there are none.
         duals: (2, nz + k) multipliers of the lower and upper limits, >= 0.
@@ -63,13 +63,11 @@ class Optimum:
         return np.asarray(self.duals / self.gaps)
 
 
-def start(
-    programme: Programme, bounds: Bounds, z: Array, s: Array, y: Array | None, limits: Array
-) -> tuple[Conditions, Optimum]:
+def start(nlp: Nlp, bounds: Bounds, z: Array, s: Array, y: Array | None, limits: Array) -> tuple[Conditions, Optimum]:
     """Return where the way to the root begins.
 
     Args:
-        programme: solved.
+        NLP: solved.
         bounds: of its unknowns and rows.
         z, s: solution and parameters.
         y: (ng,) multipliers of the rows as far as known, or None.
@@ -77,24 +75,24 @@ def start(
     """
     low, high, rows_low, rows_high = bounds
     fixed, rows = low >= high, np.flatnonzero((rows_low < rows_high) & (np.isfinite(rows_low) | np.isfinite(rows_high)))
-    g = np.array(programme.derivatives["jac_g"](z, s)[0]).ravel()
+    g = np.array(nlp.derivatives["jac_g"](z, s)[0]).ravel()
     w = np.clip(g[rows], rows_low[rows], rows_high[rows])
     there = np.append(z, w)
     true = np.array([there - np.append(low, rows_low[rows]), np.append(high, rows_high[rows]) - there])
     true[:, : len(z)][:, fixed] = np.inf
-    matrix = conditions(programme, fixed, rows)
+    matrix = conditions(nlp, fixed, rows)
     if y is None:
         # Multipliers that are not known are those that leave the least open, with what is at a limit held there.
         y, nothing = np.zeros(len(g)), np.zeros(len(there))
         at_limit = np.min(true, axis=0) < MET
-        here, hold = evaluate(programme, z, s, y), 1.0 + HOLD * at_limit
+        here, hold = evaluate(nlp, z, s, y), 1.0 + HOLD * at_limit
         first = Optimum(z, y, s, w, true, np.stack([nothing, nothing]), fixed, rows, np.inf)
         linear = matrix.at(0.0 * here.hessian, here.jacobian, hold)
-        found = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])[0][:, 0]
-        y, net = found[len(there) :], np.where(at_limit, hold * found[: len(there)], 0.0)
+        result = linear.solve(np.append(-_stationary(here, first), np.zeros(len(g)))[:, None])[0][:, 0]
+        y, net = result[len(there) :], np.where(at_limit, hold * result[: len(there)], 0.0)
         net[np.abs(net) < MET * np.max(np.abs(y), initial=1.0)] = 0.0
     else:
-        here = evaluate(programme, z, s, y)
+        here = evaluate(nlp, z, s, y)
         slope = here.gradient + np.array(ca.mtimes(here.jacobian.T, y)).ravel()
         # Of a few unknowns, such as the duration, no multipliers are given.
         unknown = (limits == 0.0) & (np.min(true[:, : len(z)], axis=0) < MET)
@@ -114,18 +112,18 @@ def _stationary(here: Evaluation, at: Optimum) -> Array:
     return np.asarray(slope - at.duals[0] + at.duals[1])
 
 
-def settle(programme: Programme, bounds: Bounds, matrix: Conditions, at: Optimum) -> Optimum:
+def settle(nlp: Nlp, bounds: Bounds, matrix: Conditions, at: Optimum) -> Optimum:
     """Follow the central path from a solution to the root of the conditions, mu -> 0, by Newton's method.
 
     Args:
-        programme: solved.
+        NLP: solved.
         bounds: of its unknowns and rows.
         at: from `start`.
     """
     rhs = np.where(bounds[2] == bounds[3], bounds[2], 0.0)
     mu = FIRST
     for _ in range(STEPS):
-        here = evaluate(programme, at.z, at.s, at.y)
+        here = evaluate(nlp, at.z, at.s, at.y)
         stationary = _stationary(here, at)
         missed = here.g - rhs
         missed[at.rows] -= at.w
@@ -139,16 +137,16 @@ def settle(programme: Programme, bounds: Bounds, matrix: Conditions, at: Optimum
         pull = np.where(np.isfinite(at.gaps), mu / at.gaps - at.duals, 0.0)
         right = -stationary + pull[0] - pull[1]
         linear = matrix.at(here.hessian, here.jacobian, at.stiffness.sum(axis=0) + NEAR)
-        found = linear.solve(np.append(right, -missed)[:, None])[0][:, 0]
-        if not np.all(np.isfinite(found)):
+        result = linear.solve(np.append(right, -missed)[:, None])[0][:, 0]
+        if not np.all(np.isfinite(result)):
             break
-        step = found[: len(right)]
+        step = result[: len(right)]
         change = np.array([step, -step])
         duals = pull - at.stiffness * change
         one, other = _share(at.gaps, change), _share(at.duals, duals)
         nz = len(at.z)
         at = replace(
-            at, z=at.z + one * step[:nz], w=at.w + one * step[nz:], y=at.y + other * found[len(right) :],
+            at, z=at.z + one * step[:nz], w=at.w + one * step[nz:], y=at.y + other * result[len(right) :],
             gaps=at.gaps + one * change, duals=at.duals + other * duals,
         )  # fmt: skip
     return at

@@ -1,4 +1,4 @@
-"""The linearised conditions of optimality of a programme (Karush, Kuhn, Tucker), as a banded matrix."""
+"""The linearised conditions of optimality of an NLP (Karush, Kuhn, Tucker), as a banded matrix."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.transcription.layout import Layout
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 DEPENDENT = 1e-11  # taken off the diagonal of the rows, so that rows may depend on each other; refined away
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Values and derivatives of a programme at one place."""
+    """Values and derivatives of an NLP at one place."""
 
     gradient: Array  # (nz,) of the cost
     g: Array  # (ng,)
@@ -25,16 +25,16 @@ class Evaluation:
     hessian: ca.DM  # (nz, nz) upper triangle, of the Lagrangian
 
 
-def conditions(programme: Programme, fixed: Array, rows: Array) -> Conditions:
-    """Return the linearised conditions of a programme, kept for its other solutions.
+def conditions(nlp: Nlp, fixed: Array, rows: Array) -> Conditions:
+    """Return the linearised conditions of an NLP, kept for its other solutions.
 
     Args:
-        programme: transcribed.
+        NLP: transcribed.
         fixed: (nz,) whether an unknown has one value only.
         rows: (k,) numbers of the rows that have limits.
     """
-    functions = programme.derivatives["hess_lag"], programme.derivatives["jac_g"]
-    return _conditions(functions, programme.layout, len(programme.grid), fixed.tobytes(), tuple(rows.tolist()))
+    functions = nlp.derivatives["hess_lag"], nlp.derivatives["jac_g"]
+    return _conditions(functions, nlp.layout, len(nlp.grid), fixed.tobytes(), tuple(rows.tolist()))
 
 
 @functools.lru_cache(maxsize=16)
@@ -45,16 +45,16 @@ def _conditions(
     return Conditions(patterns, layout, elements, np.frombuffer(fixed, dtype=bool), np.array(rows, dtype=int))
 
 
-def evaluate(programme: Programme, z: Array, s: Array, y: Array) -> Evaluation:
+def evaluate(nlp: Nlp, z: Array, s: Array, y: Array) -> Evaluation:
     """Return cost gradient, rows and their derivatives."""
-    g, jacobian = programme.derivatives["jac_g"](z, s)
-    gradient = programme.derivatives["grad_f"](z, s)[1]
-    hessian = programme.derivatives["hess_lag"](z, s, 1.0, y)
+    g, jacobian = nlp.derivatives["jac_g"](z, s)
+    gradient = nlp.derivatives["grad_f"](z, s)[1]
+    hessian = nlp.derivatives["hess_lag"](z, s, 1.0, y)
     return Evaluation(np.array(gradient).ravel(), np.array(g).ravel(), jacobian, hessian)
 
 
 class Conditions:
-    """The linearised conditions of a programme: where their entries stand, once for all values.
+    """The linearised conditions of an NLP: where their entries stand, once for all values.
 
     An unknown that all elements share, such as the duration, would fill the factors; every element gets its own copy,
     with the copies linked in a chain. In the order of time the matrix is then banded.
@@ -178,15 +178,15 @@ class Linearised:
         size = np.max(np.abs(b), axis=0, initial=1e-300)
         # A call factorises and solves; refinements are for the shift and for rounding.
         left = np.full(len(size), np.nan)
-        found = self._solved(b if refinements else b[:, :-1])
+        result = self._solved(b if refinements else b[:, :-1])
         for _ in range(refinements):
-            found = found + self._solved(b - self._product(found))
-            left = np.max(np.abs(b - self._product(found)), axis=0) / size
+            result = result + self._solved(b - self._product(result))
+            left = np.max(np.abs(b - self._product(result)), axis=0) / size
         full = np.zeros((count, right.shape[1]))
-        full[order[known]] = (found[:, : right.shape[1]] * self.scale[:, None])[known]
+        full[order[known]] = (result[:, : right.shape[1]] * self.scale[:, None])[known]
         if not refinements:
             return full, left[:-1], np.nan
-        missed = np.abs(found[:, -1] - random)[order < self.conditions.sizes[0]]
+        missed = np.abs(result[:, -1] - random)[order < self.conditions.sizes[0]]
         return full, left[:-1], float(np.nan_to_num(np.max(missed, initial=0.0), nan=np.inf))
 
     def _solved(self, b: Array) -> Array:

@@ -32,10 +32,10 @@ def prices(here: Reconstruction, at: Optimum) -> tuple[Price, ...]:
     """Return the prices of all active limits and conditions of a problem.
 
     Args:
-        here: a solution as unknowns of its programme.
+        here: a solution as unknowns of its NLP.
         at: the root of its conditions.
     """
-    problem, found, slope = here.problem, [], here.slope(at)
+    problem, result, slope = here.problem, [], here.slope(at)
     for i, constraint in enumerate(problem.subject_to):
         labels = problem.labels(constraint)
         for c, label in enumerate(labels):
@@ -47,9 +47,9 @@ def prices(here: Reconstruction, at: Optimum) -> tuple[Price, ...]:
                 moved = here.moved(_with(problem, i, c, side, limit + step))
                 direction = Direction.between((here.head, here.bounds), moved)
                 cost = envelope(here.bounds, at, (direction,), slope)[0] / step
-                found.append(Price(label.name, label.unit, constraint.where, side, limit, float(cost)))
-    least = SMALL * max((abs(price.cost) for price in found), default=0.0)
-    return tuple(price for price in found if abs(price.cost) > least)
+                result.append(Price(label.name, label.unit, constraint.where, side, limit, float(cost)))
+    least = SMALL * max((abs(price.cost) for price in result), default=0.0)
+    return tuple(price for price in result if abs(price.cost) > least)
 
 
 def _with(problem: Problem, number: int, component: int, side: str, value: float) -> Problem:

@@ -90,11 +90,11 @@ class Variation:
         x, u = solution.states[:, 0], np.einsum("m,kma->ka", first, solution.controls)
         p = np.array([solution.values[name] for name in system.nominal])
         by_p = ca.Function("by_p", [system.x, system.u, system.p], [ca.densify(ca.jacobian(system.rate, system.p))])
-        found = []
+        results = []
         widths = solution.duration * solution.grid.widths
         for k in range(count):
             rate, by_x, by_u = (np.array(part) for part in slopes(system)(x[k], u[k], p))
             change = by_x @ self.states[k, 0] + by_u @ (first @ self.controls[k])
             change += np.array(by_p(x[k], u[k], p)).reshape(len(change), -1) @ self.p
-            found.append(self.seconds[k] * rate.ravel() + widths[k] * change)
-        return np.array(found)[:, None, :]
+            results.append(self.seconds[k] * rate.ravel() + widths[k] * change)
+        return np.array(results)[:, None, :]

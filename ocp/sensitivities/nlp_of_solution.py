@@ -1,4 +1,4 @@
-"""The programme that a solution solves, made again from it, with unknowns, multipliers and bounds."""
+"""The NLP that a solution solves, made again from it, with unknowns, multipliers and bounds."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ from ocp.solving.starts import from_solution
 from ocp.solving.warm_start import multipliers
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import uniform
-from ocp.transcription.nlp import Programme, bounds
+from ocp.transcription.nlp import Nlp, bounds
 from ocp.transcription.scaling import Scaling, from_limits
 from ocp.transcription.schemes.scheme import Scheme
 
 
 @dataclass(frozen=True, eq=False)
 class Reconstruction:
-    """A solution as unknowns of its programme.
+    """A solution as unknowns of its NLP.
 
     Args:
-        programme: of the problem, or of its structure if the solution is polished.
+        NLP: of the problem, or of its structure if the solution is polished.
         problem: solved.
         bounds: of the unknowns and rows.
         z: (nz,) unknowns.
-        s: parameters of the programme.
+        s: parameters of the NLP.
         y: (ng,) multipliers of the rows as far as known, or None.
         limits: (nz,) multipliers of the bounds, zero where they are not known.
-        head: (np + 1 or np,) parameters, and the duration if the programme takes it as given.
+        head: (np + 1 or np,) parameters, and the duration if the NLP takes it as given.
         arc: (N,) arc of every element.
         shares: (N,) width of every element, share of its arc.
         posed: structure, if the solution is polished.
         duration: [s].
     """
 
-    programme: Programme
+    nlp: Nlp
     problem: Problem
     bounds: Bounds
     z: Array
@@ -59,7 +59,7 @@ class Reconstruction:
 
     def slope(self, at: Optimum) -> Array:
         """Return grad f + A' y (nz,) at a root of the conditions of optimality."""
-        here = evaluate(self.programme, at.z, at.s, at.y)
+        here = evaluate(self.nlp, at.z, at.s, at.y)
         return np.asarray(here.gradient + np.array(ca.mtimes(here.jacobian.T, at.y)).ravel())
 
     def moved(self, problem: Problem) -> tuple[Array, Bounds]:
@@ -68,12 +68,12 @@ class Reconstruction:
         if self.posed is None:
             if isinstance(problem.horizon, Fixed):
                 head[-1] = problem.horizon.duration
-            return head, bounds(replace(self.programme, problem=problem))
+            return head, bounds(replace(self.nlp, problem=problem))
         return head, self.posed.adapted(problem, self.posed.task.numbers).sides()
 
     def touches(self) -> Iterator[tuple[str, int, int]]:
         """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
-        ties = zip(self.posed.ties, self.programme.conditions, strict=True) if self.posed else ()
+        ties = zip(self.posed.ties, self.nlp.conditions, strict=True) if self.posed else ()
         for tie, rows in ties:
             assert self.posed is not None
             if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:
@@ -87,23 +87,23 @@ class Reconstruction:
         rows = np.flatnonzero((rows_low < rows_high) & (np.isfinite(rows_low) | np.isfinite(rows_high)))
         side = "upper" if number >= len(low) + len(rows) else "lower"
         place = number % (len(low) + len(rows))
-        layout, system = self.programme.layout, self.problem.system
-        ends = self.programme.grid.ends[:-1] * float(self.duration)
+        layout, system = self.nlp.layout, self.problem.system
+        ends = self.nlp.grid.ends[:-1] * float(self.duration)
         for name, places in (("x", layout.state), ("u", layout.control)):
-            found = np.argwhere(places == place)
-            if len(found):
+            result = np.argwhere(places == place)
+            if len(result):
                 labels = system.label(name, places.shape[2])
-                return f"{labels[found[0][2]].name} at its {side} limit near t = {ends[found[0][0]]:.4g} s"
-        for (i, c), own in zip(self.programme.path_parts, self.programme.path, strict=True):
-            found = np.argwhere(own == (rows[place - len(low)] if place >= len(low) else -1))
-            if len(found):
+                return f"{labels[result[0][2]].name} at its {side} limit near t = {ends[result[0][0]]:.4g} s"
+        for (i, c), own in zip(self.nlp.path_parts, self.nlp.path, strict=True):
+            result = np.argwhere(own == (rows[place - len(low)] if place >= len(low) else -1))
+            if len(result):
                 label = self.problem.labels(self.problem.subject_to[i])[c]
-                return f"{label.name} at its {side} limit near t = {ends[found[0][0]]:.4g} s"
+                return f"{label.name} at its {side} limit near t = {ends[result[0][0]]:.4g} s"
         return f"a {side} limit of the duration, a free parameter or an end"
 
 
 def reconstruct(solution: Solution, problem: Problem) -> Reconstruction:
-    """Return the programme of a solution and the solution in its terms.
+    """Return the NLP of a solution and the solution in its terms.
 
     Args:
         solution: solved, of the problem.
@@ -117,18 +117,18 @@ def reconstruct(solution: Solution, problem: Problem) -> Reconstruction:
         problem, solution.scheme, len(solution.grid), tuple(scaling.x.tolist()), tuple(scaling.u.tolist()),
         scaling.horizon, tuple(scaling.free.tolist()),
     )  # fmt: skip
-    programme = replace(made, grid=solution.grid)
+    nlp = replace(made, grid=solution.grid)
     head = np.array([*numbers, *([solution.duration] if isinstance(problem.horizon, Fixed) else [])])
-    z = _unknowns(solution, programme)
-    z[programme.layout.horizon] = solution.duration / programme.scaling.horizon
+    z = _unknowns(solution, nlp)
+    z[nlp.layout.horizon] = solution.duration / nlp.scaling.horizon
     limits, y, held = np.zeros(len(z)), None, solution.multipliers
     if held is not None:
-        y = multipliers(programme, solution)[1]
-        limits[programme.layout.state] = held.x * programme.scaling.x
-        limits[programme.layout.control] = held.u * programme.scaling.u
+        y = multipliers(nlp, solution)[1]
+        limits[nlp.layout.state] = held.x * nlp.scaling.x
+        limits[nlp.layout.control] = held.u * nlp.scaling.u
     widths = solution.grid.widths
     return Reconstruction(
-        programme, problem, bounds(programme), z, np.append(head, widths), y, limits, head,
+        nlp, problem, bounds(nlp), z, np.append(head, widths), y, limits, head,
         np.zeros(len(widths), dtype=int), widths, None, solution.duration,
     )  # fmt: skip
 
@@ -144,8 +144,8 @@ def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reco
     posed = pose_arcs(task, structure.arcs, elements, from_solution(solution))
     shares = 1.0 / np.repeat(elements, elements)
     return Reconstruction(
-        posed.programme, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
-        np.zeros(posed.programme.layout.size), np.array(numbers), posed.division.arc, shares, posed, solution.duration,
+        posed.nlp, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
+        np.zeros(posed.nlp.layout.size), np.array(numbers), posed.division.arc, shares, posed, solution.duration,
     )  # fmt: skip
 
 
@@ -153,16 +153,16 @@ def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reco
 def _transcribed(
     problem: Problem, scheme: Scheme, elements: int, x: tuple[float, ...], u: tuple[float, ...], horizon: float,
     free: tuple[float, ...],
-) -> Programme:  # fmt: skip
-    """Return the programme of a problem, kept for its other solutions; their grids are parameters of it."""
+) -> Nlp:  # fmt: skip
+    """Return the NLP of a problem, kept for its other solutions; their grids are parameters of it."""
     return transcribe(problem, scheme, uniform(elements), Scaling(np.array(x), np.array(u), horizon, np.array(free)))
 
 
-def _unknowns(solution: Solution, programme: Programme) -> Array:
-    layout, scaling = programme.layout, programme.scaling
+def _unknowns(solution: Solution, nlp: Nlp) -> Array:
+    layout, scaling = nlp.layout, nlp.scaling
     z = np.zeros(layout.size)
     z[layout.state], z[layout.control] = solution.states / scaling.x, solution.controls / scaling.u
-    names = list(programme.problem.system.nominal)
-    z[layout.free] = [solution.values[names[number]] for number in programme.free]
+    names = list(nlp.problem.system.nominal)
+    z[layout.free] = [solution.values[names[number]] for number in nlp.free]
     z[layout.free] /= scaling.free
     return z

@@ -43,7 +43,7 @@ class Sensitivity:
         notes: sentences about what is one-sided, not determined or not accurate.
         variations: name -> of the motion.
         seconds: wall clock.
-        reconstruction, root: the solution as unknowns of its programme, and the root of its conditions of optimality.
+        reconstruction, root: the solution as unknowns of its NLP, and the root of its conditions of optimality.
     """
 
     solution: Solution
@@ -108,7 +108,7 @@ class Sensitivity:
             name: one.signal(self.solution, self.problem, expression, times, held)
             for name, one in self.variations.items()
         }
-        return every if np.ndim(t) else {name: found[0] for name, found in every.items()}
+        return every if np.ndim(t) else {name: result[0] for name, result in every.items()}
 
     def switches(self, control: str) -> dict[str, Array]:
         """Return name -> derivatives of the times that `solution.structure.switches(control)` gives [s/unit].
@@ -121,7 +121,7 @@ class Sensitivity:
             raise ValueError("switches: this solution has no switching structure; take the sensitivity of polish(...)")
         starts = np.cumsum([arc.duration for arc in structure.arcs])[:-1]
         chosen = [int(np.argmin(np.abs(starts - t))) for t in structure.switches(control)]
-        return {name: found[chosen] for name, found in self.switching.items()}
+        return {name: result[chosen] for name, result in self.switching.items()}
 
     def labels(self, signal: str, name: str) -> tuple[Label, ...]:
         """Return what the components of `signal(signal, ...)[name]` are called, and their units.
@@ -154,10 +154,10 @@ def sensitivity(
     toward: Mapping[str, Problem] | None = None,
     problem: Problem | None = None,
 ) -> Sensitivity:
-    """Differentiate an optimum with respect to numbers, from the conditions of optimality of its programme.
+    """Differentiate an optimum with respect to numbers, from the conditions of optimality of its NLP.
 
     With F(Z, y; s) = 0 the conditions at the root, dF/dZ dZ + dF/dy dy = -dF/ds ds; one factorisation serves all
-    numbers. The optimum is that of the programme: for a polished solution that of the problem itself to the accuracy
+    numbers. The optimum is that of the NLP: for a polished solution that of the problem itself to the accuracy
     of the polish, else that of the problem on its grid with its shape of the control.
 
     Args:
@@ -191,31 +191,28 @@ def sensitivity(
         new_head, new = here.moved(same_structure(problem, other))
         directions.append(Direction.between((here.head, base), (new_head, new)))
     everything = (*chosen, *(toward or {}))
-    conditions, at = start(here.programme, base, here.z, here.s, here.y, here.limits)
-    at = settle(here.programme, base, conditions, at)
-    found = differentiate(here.programme, base, conditions, at, tuple(directions), head)
+    conditions, at = start(here.nlp, base, here.z, here.s, here.y, here.limits)
+    at = settle(here.nlp, base, conditions, at)
+    result = differentiate(here.nlp, base, conditions, at, tuple(directions), head)
     variations = {
-        name: _variation(here, found.z[:, c], direction)
+        name: _variation(here, result.z[:, c], direction)
         for c, (name, direction) in enumerate(zip(everything, directions, strict=True))
     }
-    valid, notes = _sides(here, found, everything, at)
+    valid, notes = _sides(here, result, everything, at)
     if at.error > OPEN:
         notes.append(f"conditions of optimality open by {at.error:.1e}; solve with a smaller tol")
     for c, name in enumerate(everything):
-        if found.gap[c] > DISAGREEMENT:
-            notes.append(f"{name}: cost by multipliers and by the motion differ by {found.gap[c]:.1e}")
+        if result.gap[c] > DISAGREEMENT:
+            notes.append(f"{name}: cost by multipliers and by the motion differ by {result.gap[c]:.1e}")
     duration = {name: one.duration for name, one in variations.items()}
-    if found.reason and found.unique and _timed(problem):
-        duration = dict(zip(everything, (float(cost / problem.minimise.time) for cost in found.cost), strict=True))
+    if result.reason and result.unique and _timed(problem):
+        duration = dict(zip(everything, (float(cost / problem.minimise.time) for cost in result.cost), strict=True))
     switching = None
     if here.posed is not None:
         last = np.flatnonzero(np.diff(here.arc))
         switching = {name: np.cumsum(one.seconds)[last] for name, one in variations.items()}
-    free = {
-        name: {list(system.nominal)[i]: float(one.p[i]) for i in here.programme.free}
-        for name, one in variations.items()
-    }
-    costs = {name: float(c) for name, c in zip(everything, found.cost, strict=True)}
+    free = {name: {list(system.nominal)[i]: float(one.p[i]) for i in here.nlp.free} for name, one in variations.items()}
+    costs = {name: float(c) for name, c in zip(everything, result.cost, strict=True)}
     return Sensitivity(
         solution, everything, duration, costs, free, switching, valid, tuple(notes), variations,
         time.perf_counter() - begun, here, at,
@@ -223,10 +220,10 @@ def sensitivity(
 
 
 def _checked(solution: Solution, problem: Problem | None) -> Problem:
-    found = with_model("sensitivity", solution, problem)
+    result = with_model("sensitivity", solution, problem)
     if not solution.ok:
         raise ValueError(f"sensitivity: {solution.message}; only a solved solution has derivatives, solve it first")
-    return found
+    return result
 
 
 def _names(
@@ -263,30 +260,30 @@ def _timed(problem: Problem) -> bool:
 
 def _variation(here: Reconstruction, change: Array, direction: Direction) -> Variation:
     """Return the change of a motion in physical units."""
-    layout, scaling = here.programme.layout, here.programme.scaling
+    layout, scaling = here.nlp.layout, here.nlp.scaling
     count = len(here.problem.system.nominal)
     p = np.array(direction.head[:count])
-    p[here.programme.free] = change[layout.free] * scaling.free
+    p[here.nlp.free] = change[layout.free] * scaling.free
     durations = change[layout.horizon] * scaling.horizon if len(layout.horizon) else direction.head[count:]
     seconds = durations[here.arc] * here.shares
     return Variation(change[layout.state] * scaling.x, change[layout.control] * scaling.u, seconds, p)
 
 
 def _sides(
-    here: Reconstruction, found: Derivative, names: tuple[str, ...], at: Optimum
+    here: Reconstruction, result: Derivative, names: tuple[str, ...], at: Optimum
 ) -> tuple[dict[str, tuple[bool, bool]], list[str]]:
     """Return on which sides derivatives hold, and sentences about those that do not on both."""
-    if found.reason:
-        words = f"no derivative of the motion: {found.reason}"
-        return dict.fromkeys(names, (found.unique, found.unique)), [words]
+    if result.reason:
+        words = f"no derivative of the motion: {result.reason}"
+        return dict.fromkeys(names, (result.unique, result.unique)), [words]
     valid, notes = {}, []
-    largest = np.max(np.abs(found.z), axis=0, initial=0.0)
-    limits = [here.where(int(number)) for number in found.met]
-    every = found.moves
+    largest = np.max(np.abs(result.z), axis=0, initial=0.0)
+    limits = [here.where(int(number)) for number in result.met]
+    every = result.moves
     for limit, row, side in here.touches():
         if abs(at.y[row]) < WEAK * max(1.0, float(np.max(np.abs(at.y)))):
             limits.append(limit)
-            every = np.vstack([every, side * found.y[row]])
+            every = np.vstack([every, side * result.y[row]])
     for c, name in enumerate(names):
         moves = every[:, c] / (largest[c] or 1.0)
         sides = not np.any(moves > STILL), not np.any(moves < -STILL)

@@ -22,13 +22,13 @@ def with_model(function: str, solution: object, problem: Problem | None) -> Prob
     if not isinstance(solution, Solution):
         raise TypeError(f"{function}: solution is {checks.shown(solution)}, expected a Solution of a Problem")
     checks.instance(f"{function}: problem", problem, Problem | None, "a Problem, or None for that of the solution")
-    found = solution.problem if problem is None else problem
-    if found is None:
+    result = solution.problem if problem is None else problem
+    if result is None:
         raise ValueError(f"{function}: this solution was loaded without its model; pass problem=...")
     has, wanted = (
-        (found.system.x.numel(), found.system.u.numel()),
+        (result.system.x.numel(), result.system.u.numel()),
         (solution.states.shape[2], solution.controls.shape[2]),
     )
     if has != wanted:
         raise ValueError(f"{function}: problem has (nx, nu) = {has}, expected {wanted} as the solution")
-    return found
+    return result

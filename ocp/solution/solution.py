@@ -155,8 +155,8 @@ class Solution:
         times = self._times(t)
         function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
         parameters = np.array([self.values[name] for name in system.nominal])[:, None]
-        found = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
-        result = np.array(found).T
+        results = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
+        result = np.array(results).T
         return result if np.ndim(t) else result[0]
 
     @property

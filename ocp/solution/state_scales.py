@@ -32,10 +32,10 @@ def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
         np.array([part[0], part[len(part) // 2], part[-1]]) for part in (solution.states[:, 0], solution.controls[:, 0])
     )
     p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
-    found = [
+    results = [
         [np.nan_to_num(np.array(part), posinf=0.0) for part in function(a, b, p)] for a, b in zip(x, u, strict=True)
     ]
-    largest = [np.nan_to_num(np.max([one[i] for one in found], axis=0), posinf=0.0) for i in range(len(parts))]
+    largest = [np.nan_to_num(np.max([one[i] for one in results], axis=0), posinf=0.0) for i in range(len(parts))]
     by_x, by_u, power_by, energy_by = largest
     reach = solution.duration * by_u @ _range(solution, problem)
     reach = reach + solution.duration * by_x @ reach

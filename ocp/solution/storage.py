@@ -244,11 +244,11 @@ def _structure(about: dict[str, Any] | None, nu: int) -> Structure | None:
 
 
 def _contacts(about: list[list[int]]) -> tuple[Contact, ...]:
-    found = tuple(Contact(int(limit), int(side), int(control)) for limit, side, control in about)
-    wrong = [c for c in found if c.side not in (-1, 1) or c.limit < 0]
+    result = tuple(Contact(int(limit), int(side), int(control)) for limit, side, control in about)
+    wrong = [c for c in result if c.side not in (-1, 1) or c.limit < 0]
     if wrong:
         raise ValueError(f"{wrong[0]!r} is no contact with a limit")
-    return found
+    return result
 
 
 def _without_nan(value: object) -> object:

@@ -47,7 +47,7 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
         problem: whose limits they are.
         scale: (nx,) sizes of the states; None for those of the motion.
     """
-    found = []
+    results = []
     scale = extent(solution, problem)[0] if scale is None else scale
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
@@ -71,8 +71,8 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
             reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
             size = reach or max(float(np.max(np.abs(motion[c]))), float(np.nan_to_num(np.max(made[c])))) or 1.0
             figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
-            found.append((amount / size, figure))
-    return found
+            results.append((amount / size, figure))
+    return results
 
 
 PLACES = np.linspace(0.0, 1.0, 11)  # of each element at which a motion is looked at
@@ -92,9 +92,9 @@ def touched(solutions: list[Solution]) -> Iterator[str]:
         if not solution.duration > 0.0:
             continue
         t, x, _, _ = solution.samples(PLACES)
-        found = meeting(system, x, values)
-        if found:
-            yield f"the motion meets a singularity at t = {t[found.row]:.4g} s: {found.words}"
+        result = meeting(system, x, values)
+        if result:
+            yield f"the motion meets a singularity at t = {t[result.row]:.4g} s: {result.words}"
 
 
 MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark

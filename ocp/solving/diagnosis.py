@@ -26,12 +26,12 @@ FEW = 3  # values of a control below which a motion may be impossible
 def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
     """Return in words why a solve failed: the worst limits and equations of its last iterate, and what to try."""
     status = solutions[0].status
-    found: list[tuple[float, str]] = []
+    results: list[tuple[float, str]] = []
     for number, solution in enumerate(solutions):
         phase = f" in phase {number + 1}" if len(solutions) > 1 else ""
-        found += _worst(solution, phase)
-    found.sort(key=lambda pair: -pair[0])
-    sentences = [*touched(solutions), *(words for _, words in found[:NAMED])]
+        results += _worst(solution, phase)
+    results.sort(key=lambda pair: -pair[0])
+    sentences = [*touched(solutions), *(words for _, words in results[:NAMED])]
     if min(len(s.controls) * s.controls.shape[1] for s in solutions) < FEW:
         sentences.append("so few values of each control hardly lead anywhere; try a grid of ten elements or more")
     if status is Status.LIMIT:
@@ -41,33 +41,33 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         sentences += warnings_before(problem, [numbers])
     if solutions[0].rung == "given guess":
         sentences.append("without a guess, the default ladder makes its own")
-    return sentences + _remedies(status, problems, bool(found))
+    return sentences + _remedies(status, problems, bool(results))
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
     """Return what is worth saying of a solved problem: a coarse grid, a duration or controls beyond their limits."""
-    found = []
+    results = []
     for solution in solutions:
-        found += unresolved(solution) + between_points(solution)
+        results += unresolved(solution) + between_points(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
-            found.append(
+            results.append(
                 f"the duration is at its lower limit of {horizon.lower:g} s; start and goal coincide, or nothing "
                 "keeps the motion from being that short"
             )
-    return found
+    return results
 
 
 def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
     problem = solution.problem
     if problem is None or not np.all(np.isfinite(solution.states)) or solution.duration <= 0.0:
         return []
-    found = []
+    results = []
     for share, figure in excess(solution, problem):
         if share > NOTICEABLE:
             kind = {"start limit": "misses its start value", "end limit": "misses its end value"}
             words = kind.get(figure.scale, "is beyond its limit")
-            found.append(
+            results.append(
                 (share, f"{figure.what} {words} by {float(figure):.3g} {figure.unit} at t = {figure.at:.4g} s{phase}")
             )
     system = problem.system
@@ -83,13 +83,13 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
         label = system.label("x", x.shape[1])[i]
         amount = left[k, i] / solution.duration
         unit = f"{label.unit}/s" if label.unit else "per s"
-        found.append(
+        results.append(
             (
                 left[k, i] / size[i],
                 f"the motion breaks d{label.name}/dt = f by {amount:.3g} {unit} at t = {t[k]:.4g} s{phase}",
             )
         )
-    return found
+    return results
 
 
 def _shrinking(solution: Solution) -> list[str]:
@@ -135,8 +135,8 @@ LEAST = 1e-3  # of the largest state of the same unit: smaller states are held a
 def unresolved(solution: Solution) -> list[str]:
     """Return a sentence if the motion, integrated with its own controls, would leave the one found; else nothing.
 
-    The programme holds x' = f(x, u) at the collocation points only. On a grid that is too coarse, or where the motion
-    is unstable, a solution that meets every tolerance is then no motion of the system; see `ocp.solution.integration_drift`.
+    The NLP holds x' = f(x, u) at the collocation points only. On a grid that is too coarse, or where the motion
+    is unstable, a solution that meets every tolerance is then no motion of the system.
 
     Args:
         solution: that met its tolerance.

@@ -108,8 +108,8 @@ class CoarseGrid:
         if len(places) >= len(ends):
             return None
         coarse = prepared.on(prepared.problem, Grid(ends[places]), prepared.settings, values)
-        found = coarse((Smooth(), StraightLine()), values)
-        return (as_guesses(prepared.problem, found), True) if found.ok else None
+        result = coarse((Smooth(), StraightLine()), values)
+        return (as_guesses(prepared.problem, result), True) if result.ok else None
 
 
 @dataclass(frozen=True)
@@ -126,13 +126,13 @@ class WiderLimits:
 
     def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the solution with the last wider limits, or None if none of them is solved."""
-        found: Any = None
+        result: Any = None
         for factor in self.factors:
             widened = _with_limits(prepared.problem, factor)
-            start: Any = found if found is not None and found.ok else (Smooth(), StraightLine())
+            start: Any = result if result is not None and result.ok else (Smooth(), StraightLine())
             again = prepared(start, values, widened)
-            found = again if again.ok else found
-        return (as_guesses(prepared.problem, found), True) if found is not None and found.ok else None
+            result = again if again.ok else result
+        return (as_guesses(prepared.problem, result), True) if result is not None and result.ok else None
 
 
 @dataclass(frozen=True)
@@ -160,13 +160,13 @@ class ParameterPath:
         if self.name not in own:
             raise ValueError(f"ParameterPath: no parameter {self.name!r}; there are {', '.join(own) or 'none'}")
         target = float((values or {}).get(self.name, own[self.name]))
-        found: Any = None
+        result: Any = None
         for step in range(self.steps):
             value = self.easy + (target - self.easy) * step / self.steps
-            found = prepared(found or (Smooth(), StraightLine()), {**(values or {}), self.name: value})
-            if not found.ok:
+            result = prepared(result or (Smooth(), StraightLine()), {**(values or {}), self.name: value})
+            if not result.ok:
                 return None
-        return as_guesses(prepared.problem, found), True
+        return as_guesses(prepared.problem, result), True
 
 
 DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), WiderLimits())
@@ -176,7 +176,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcom
     """Try rungs in order until one is solved; else return the attempt that violates its constraints least.
 
     Args:
-        prepared: the programme.
+        prepared: the NLP.
         rungs: in order.
         values: of parameters, by name.
     """
@@ -193,16 +193,16 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcom
             continue
         guesses, warm = made
         seconds = time.perf_counter() - started
-        found = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
+        result = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
         tried.append(type(rung).__name__)
-        if found.ok:
-            return found
-        if best is None or _infeasibility(found) < _infeasibility(best):
-            best = found
-        if found.solver_status == "not started" and found.status is Status.INFEASIBLE:
-            return found
-        if found.status in (Status.STOPPED, Status.UNBOUNDED):
-            return found
+        if result.ok:
+            return result
+        if best is None or _infeasibility(result) < _infeasibility(best):
+            best = result
+        if result.solver_status == "not started" and result.status is Status.INFEASIBLE:
+            return result
+        if result.status in (Status.STOPPED, Status.UNBOUNDED):
+            return result
     if best is None:
         guesses = chain(prepared.problem, numbers, straight_line)
         return prepared.attempt(guesses, numbers, rung="StraightLine")
@@ -221,10 +221,10 @@ def _shortest(prepared: Solvable, values: Values) -> str:
         return ""  # nothing keeps the motion from being arbitrarily short
     brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
     fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
-    found = prepared.on(fastest, prepared.grid, brief, values)((Smooth(),), values)
-    if not found.ok or found.duration <= asked:
+    result = prepared.on(fastest, prepared.grid, brief, values)((Smooth(),), values)
+    if not result.ok or result.duration <= asked:
         return ""
-    return f"; the shortest motion found within these limits takes {found.duration:.4g} s, {asked:.4g} s were asked"
+    return f"; the shortest motion found within these limits takes {result.duration:.4g} s, {asked:.4g} s were asked"
 
 
 def _infeasibility(outcome: Outcome) -> float:

@@ -46,7 +46,7 @@ class Ipopt:
     """Settings of IPOPT.
 
     Args:
-        tol: on the scaled programme.
+        tol: on the scaled NLP.
         max_iter: limit of iterations of one attempt.
         max_seconds: limit of wall-clock time of one attempt [s].
         scaled: scale unknowns by limits, ranges and the guess of the duration.
@@ -119,7 +119,7 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Solver:
-    """The solver function of a programme, and what watches it (CasADi keeps no reference of its own)."""
+    """The solver function of an NLP, and what watches it (CasADi keeps no reference of its own)."""
 
     function: ca.Function
     watch: Watch
@@ -131,7 +131,7 @@ def build(
     nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool,
     sizes: tuple[float, Array],
 ) -> Solver:  # fmt: skip
-    """Return the solver of a programme, which sees cost and rows divided by their sizes.
+    """Return the solver of an NLP, which sees cost and rows divided by their sizes.
 
     Raises:
         ValueError: IPOPT does not know an option in `extra`.
@@ -153,7 +153,7 @@ def build(
 def _divided(
     nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], cost: float, rows: Array
 ) -> tuple[Mapping[str, ca.MX], Mapping[str, ca.Function]]:
-    """Return a programme and its derivatives with the cost and the rows divided by their sizes."""
+    """Return an NLP and its derivatives with the cost and the rows divided by their sizes."""
     if cost == 1.0 and np.all(rows == 1.0):
         return nlp, derivatives
     z, s, by = nlp["x"], nlp["p"], ca.DM(1.0 / rows)
@@ -179,7 +179,7 @@ def run(
 ) -> Answer:  # fmt: skip
     """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises.
 
-    The programme sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
+    The NLP sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
     """
     begun = time.perf_counter()
     size, rows = solver.cost, solver.rows
@@ -188,12 +188,12 @@ def run(
     try:
         solver.watch.reset(rows_low, rows_high, size)
         with interruptible(solver.watch):
-            found = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
+            result = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
         solver.watch.clear()
         stats = solver.function.stats()
-        z, multipliers, limits = (np.array(found[name]).ravel() for name in ("x", "lam_g", "lam_x"))
+        z, multipliers, limits = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         multipliers, limits = size * multipliers / rows, size * limits
-        cost, verbatim = size * float(found["f"]), str(stats["return_status"])
+        cost, verbatim = size * float(result["f"]), str(stats["return_status"])
         iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
     except (RuntimeError, KeyboardInterrupt) as error:
         stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)

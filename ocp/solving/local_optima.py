@@ -99,10 +99,10 @@ def multistart(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
     if executor is None:
-        found = [_solve_start(work, k) for k in range(starts)]
+        results = [_solve_start(work, k) for k in range(starts)]
     else:
-        found = list(executor.map(functools.partial(_solve_start, work), range(starts)))
-    solved = [(k, replace(s, problem=problem)) for k, s in enumerate(found) if s.ok]
+        results = list(executor.map(functools.partial(_solve_start, work), range(starts)))
+    solved = [(k, replace(s, problem=problem)) for k, s in enumerate(results) if s.ok]
     optima = _distinct(solved)
     if not optima:
         return ()
@@ -119,13 +119,13 @@ def _solve_start(work: _Work, start: int) -> Solution:
     values = dict(work.values)
     numbers = prepared.numbers(values)
     if start == 0:
-        guess = smooth(prepared.compound.programmes[0].problem, numbers[0])
+        guess = smooth(prepared.joined.nlps[0].problem, numbers[0])
     else:
         random = np.random.default_rng([work.seed, start])
-        guess = scattered(prepared.compound.programmes[0].problem, numbers[0], random)
-    found: Solution = prepared(guess, values)
+        guess = scattered(prepared.joined.nlps[0].problem, numbers[0], random)
+    result: Solution = prepared(guess, values)
     # Graphs do not travel back; the caller has the problem.
-    return replace(found, problem=None, rung=f"start {start}")
+    return replace(result, problem=None, rung=f"start {start}")
 
 
 _IN_THIS_PROCESS: dict[str, Prepared] = {}

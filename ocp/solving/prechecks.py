@@ -20,7 +20,7 @@ ROUNDING = 1e-9  # share of what a value is made of
 
 def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> list[str]:
     """Return what speaks against a motion without excluding it: a control too weak to hold an end at rest."""
-    found = []
+    results = []
     for phase, numbers in zip(phases_of(problem), values, strict=True):
         system, p = phase.system, ca.DM(list(numbers))
         low, high = phase.limits(Where.ALONG, system.u)
@@ -37,11 +37,11 @@ def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> l
             for label, need, least, a, c in zip(system.label("u", len(u)), u, noise, low, high, strict=True):
                 if need < a - least or need > c + least:
                     limit = a if need < a else c
-                    found.append(
+                    results.append(
                         f"{label.name} cannot hold the {words}: {need:.4g} {label.unit} are needed at rest, the limit "
                         f"is {limit:.4g}; raise the limit above {abs(need):.4g} {label.unit} or move the {words}"
                     )
-    return found
+    return results
 
 
 def _rests(f: Array, parts: Array, units: list[str]) -> bool:
@@ -182,8 +182,8 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
         everything = ca.vertcat(*expressions)
         function = ca.Function("all", [system.x, system.u, system.p], [ca.densify(everything)]).map(len(guess.share))
         p = np.tile(np.array(numbers, dtype=float)[:, None], len(guess.share))
-        found = np.array(function(guess.x.T, guess.u.T, p))
-        bad = np.argwhere(~np.isfinite(found.T))
+        result = np.array(function(guess.x.T, guess.u.T, p))
+        bad = np.argwhere(~np.isfinite(result.T))
         if not len(bad):
             continue
         names = [f"d{label.name}/dt" for label in _labels(phase, "x", system.x)]
@@ -196,7 +196,7 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
         at = [f"{label.name} = {value:.6g}" for symbol, label, value in states if symbol.element_hash() in used]
         when = f"after {100.0 * guess.share[place]:.3g} % of the duration" if place else "at the start"
         yield (
-            f"{name} is {found[i, place]} {when} of the first guess"
+            f"{name} is {result[i, place]} {when} of the first guess"
             f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this place, or a model without "
             "the singularity"
         )

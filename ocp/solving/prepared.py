@@ -40,7 +40,7 @@ from ocp.solving.warm_start import multipliers
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.guess import Guess
-from ocp.transcription.joining import Compound, join
+from ocp.transcription.joining import JoinedNlp, join
 from ocp.transcription.nlp import bounds
 from ocp.transcription.packing import pack
 from ocp.transcription.scaling import common, from_limits, sizes, table, unscaled
@@ -52,10 +52,10 @@ ROUNDING = 1e-13  # tolerance below which rounding decides
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A programme with its solver, to be solved for many parameter values, limits, ends and guesses."""
+    """An NLP with its solver, to be solved for many parameter values, limits, ends and guesses."""
 
     problem: Problem | Sequence
-    compound: Compound
+    joined: JoinedNlp
     settings: Ipopt
     setup: float  # seconds spent so far
     first: tuple[object, object, list[Guess]] | None  # problem, parameter values and the smooth guess for them
@@ -93,13 +93,13 @@ class Prepared:
             values: of parameters, by name; nominal where silent.
         """
         checks.instance("solution", solution, Solution, "a Solution")
-        duals = multipliers(self.compound.programmes[0], solution)
+        duals = multipliers(self.joined.nlps[0], solution)
         guesses = as_guesses(self.problem, solution)
         return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
 
     def scales(self) -> str:
         """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
-        parts = [table(programme.scaling, programme.problem) for programme in self.compound.programmes]
+        parts = [table(nlp.scaling, nlp.problem) for nlp in self.joined.nlps]
         return "\n\n".join(parts)
 
     def numbers(self, values: Mapping[str, float] | None) -> list[list[float]]:
@@ -109,36 +109,36 @@ class Prepared:
     @property
     def grid(self) -> Grid:
         """The grid, the same for every phase."""
-        return self.compound.programmes[0].grid
+        return self.joined.nlps[0].grid
 
     @property
     def compilations(self) -> tuple[Compilation, ...]:
         """What came of compiling the functions of every phase; empty if not asked for."""
-        return tuple(made for programme in self.compound.programmes if (made := programme.compilation) is not None)
+        return tuple(made for nlp in self.joined.nlps if (made := nlp.compilation) is not None)
 
     def on(
         self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
     ) -> Prepared:
         """Return another problem prepared on another grid, with the same scheme."""
-        check_settings(problem, self.compound.programmes[0].scheme, grid, settings)
-        return prepare(problem, self.compound.programmes[0].scheme, grid, settings, values=values)
+        check_settings(problem, self.joined.nlps[0].scheme, grid, settings)
+        return prepare(problem, self.joined.nlps[0].scheme, grid, settings, values=values)
 
     def adapted(self, problem: Problem | Sequence | None, grid: Grid | None) -> Prepared:
-        """Return this programme for other numbers in the problem, or another grid of the same size."""
-        programmes = self.compound.programmes
+        """Return this NLP for other numbers in the problem, or another grid of the same size."""
+        nlps = self.joined.nlps
         if problem is not None:
             old, new = phases_of(self.problem), phases_of(problem)
             if len(new) != len(old):
                 raise ValueError(f"problem: has {len(new)} phases, the prepared one {len(old)}; prepare it anew")
             same = map(same_structure, old, new)
-            programmes = tuple(replace(p, problem=one) for p, one in zip(programmes, same, strict=True))
+            nlps = tuple(replace(p, problem=one) for p, one in zip(nlps, same, strict=True))
         if grid is not None:
             checks.instance("grid", grid, Grid, "a Grid such as uniform(50)")
-            known = len(programmes[0].grid)  # that of all phases
+            known = len(nlps[0].grid)  # that of all phases
             if len(grid) != known:
-                raise ValueError(f"grid: has {len(grid)} elements, the programme was prepared for {known}")
-            programmes = tuple(replace(p, grid=grid) for p in programmes)
-        return replace(self, problem=problem or self.problem, compound=replace(self.compound, programmes=programmes))
+                raise ValueError(f"grid: has {len(grid)} elements, the NLP was prepared for {known}")
+            nlps = tuple(replace(p, grid=grid) for p in nlps)
+        return replace(self, problem=problem or self.problem, joined=replace(self.joined, nlps=nlps))
 
     def attempt(
         self,
@@ -160,14 +160,14 @@ class Prepared:
             duals: multipliers of the bounds and of the rows to start from.
         """
         begun = time.perf_counter() - checks.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
-        programmes = self.compound.programmes
+        nlps = self.joined.nlps
         check_attempt(self.problem, guesses, values, warm, rung)
-        check_duals(duals, (sum(p.layout.size for p in programmes), self.compound.nlp["g"].numel()))
-        every = [bounds(programme) for programme in programmes]
-        tied = np.zeros(self.compound.links)
+        check_duals(duals, (sum(p.layout.size for p in nlps), self.joined.expressions["g"].numel()))
+        every = [bounds(nlp) for nlp in nlps]
+        tied = np.zeros(self.joined.links)
         low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
         rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
-        z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(programmes, guesses, values, strict=True)])
+        z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(nlps, guesses, values, strict=True)])
         refused = [*contradictions(self.problem, values)]
         wrong = refused or [*singular_ends(phases_of(self.problem), values)]
         wrong = wrong or [*not_finite(self.problem, guesses, values)]
@@ -178,19 +178,19 @@ class Prepared:
             return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
         still = standstill(self.problem, values[0], guesses[0]) if isinstance(self.problem, Problem) else None
         if still is not None:
-            z0 = pack(programmes[0], still[0], values[0])
+            z0 = pack(nlps[0], still[0], values[0])
             nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
             answer = Answer(z0, *nothing, still[1], Status.SOLVED, "not started", 0, 0.0, 0.0, {})
             return self._outcome(answer, values, rung, time.perf_counter() - begun, [])
         parameters: list[Array] = []
-        for programme, numbers in zip(programmes, values, strict=True):
-            fixed = [programme.problem.horizon.duration] if isinstance(programme.problem.horizon, Fixed) else []
-            parameters += [np.array(numbers), np.array(fixed), programme.grid.widths]
+        for nlp, numbers in zip(nlps, values, strict=True):
+            fixed = [nlp.problem.horizon.duration] if isinstance(nlp.problem.horizon, Fixed) else []
+            parameters += [np.array(numbers), np.array(fixed), nlp.grid.widths]
         settings = self.settings
         if duals is not None:
             settings = replace(settings, extra={**CONTINUED, **settings.extra})
         chosen = (
-            build(self.compound.nlp, self.compound.derivatives, settings, True, self.compound.sizes)
+            build(self.joined.expressions, self.joined.derivatives, settings, True, self.joined.sizes)
             if warm
             else self.cold
         )
@@ -203,10 +203,10 @@ class Prepared:
     def _outcome(
         self, answer: Answer, values: list[list[float]], rung: str, setup: float, reasons: list[str]
     ) -> Outcome:
-        programmes = self.compound.programmes
+        nlps = self.joined.nlps
         spent = max(answer.seconds - answer.derivatives, 0.0)
         timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
-        solutions = solutions_of(answer, programmes, values, timings, rung)
+        solutions = solutions_of(answer, nlps, values, timings, rung)
         status = solutions[0].status
         if not reasons:
             reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
@@ -259,15 +259,15 @@ def prepare(
         for phase, first, numbers in parts
     ])  # fmt: skip
     translate = compilation.compiled if compiled else None
-    programmes = [
+    nlps = [
         transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
     ]
     sequence = problem if isinstance(problem, Sequence) else None
     links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
-    compound = join(tuple(programmes), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
-    cold = build(compound.nlp, compound.derivatives, solver, False, compound.sizes)
+    joined = join(tuple(nlps), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
+    cold = build(joined.expressions, joined.derivatives, solver, False, joined.sizes)
     known = (problem, every, guesses) if given is None else None
-    return Prepared(problem, compound, solver, time.perf_counter() - begun, known, cold)
+    return Prepared(problem, joined, solver, time.perf_counter() - begun, known, cold)
 
 
 def _fresh(guess: Any) -> bool:

@@ -53,5 +53,5 @@ def solve(
     prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
     if doubts and guess is None:
         guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
-    found = prepared(guess, values)
-    return replace(found, message=f"{found.message}; but {'; '.join(doubts)}") if doubts and found.ok else found
+    result = prepared(guess, values)
+    return replace(result, message=f"{result.message}; but {'; '.join(doubts)}") if doubts and result.ok else result

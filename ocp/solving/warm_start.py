@@ -6,22 +6,22 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.solution.solution import Solution
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 
-def multipliers(programme: Programme, solution: Solution) -> tuple[Array, Array]:
-    """Return multipliers of the bounds (nz,) and of the rows (ng,) of a programme, from a solution of its problem.
+def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
+    """Return multipliers of the bounds (nz,) and of the rows (ng,) of an NLP, from a solution of its problem.
 
     Costates are interpolated to the collocation points. Multipliers of limits are densities in time: each element
     gives what it carries to the elements of the other grid by the share of time that they have in common. Rows of
     limits on expressions start at zero unless grid and scheme are the same.
 
     Args:
-        programme: to be solved.
+        NLP: to be solved.
         solution: of the same problem, on any grid, with any scheme.
     """
-    layout, scaling, scheme, grid = programme.layout, programme.scaling, programme.scheme, programme.grid
-    limits, rows = np.zeros(layout.size), np.zeros(programme.rows)
+    layout, scaling, scheme, grid = nlp.layout, nlp.scaling, nlp.scheme, nlp.grid
+    limits, rows = np.zeros(layout.size), np.zeros(nlp.rows)
     inside = np.append(np.clip(scheme.points, 1e-9, 1.0 - 1e-9), 1.0 - 1e-9)
     shares = grid.ends[:-1, None] + grid.widths[:, None] * inside
     costates = solution.costate((shares * solution.duration).ravel()).reshape(*shares.shape, -1)
@@ -30,7 +30,7 @@ def multipliers(programme: Programme, solution: Solution) -> tuple[Array, Array]
     mu = np.einsum("ij,kja->kia", np.linalg.pinv(scheme.rate.T), loads)
     if scheme.name == "legendre":
         mu[:, -1] = -costates[:, -1] * scaling.x
-    rows[programme.defects] = mu
+    rows[nlp.defects] = mu
     held = solution.multipliers
     if held is None:
         return limits, rows
@@ -39,18 +39,18 @@ def multipliers(programme: Programme, solution: Solution) -> tuple[Array, Array]
     )
     shared = np.maximum(common, 0.0) / solution.grid.widths
     for places, scale, own, old in (
-        (layout.control, scaling.u, programme.scheme.control_nodes, held.u),
-        (layout.state[:, 1:], scaling.x, programme.scheme.nodes[1:], held.x[:, 1:]),
+        (layout.control, scaling.u, nlp.scheme.control_nodes, held.u),
+        (layout.state[:, 1:], scaling.x, nlp.scheme.nodes[1:], held.x[:, 1:]),
     ):
         load = np.einsum("kl,la->ka", shared, old.sum(axis=1)) * scale
         np.add.at(limits, places, np.repeat(load[:, None] / len(own), len(own), axis=1))
     limits[layout.state[0, 0]] = held.x[0, 0] * scaling.x
     limits[layout.state[-1, -1]] = held.x[-1, -1] * scaling.x
-    if held.ends.shape == programme.ends.shape:
-        rows[programme.ends] = held.ends
-    if len(held.path) == len(grid) and held.path.shape[1] == sum(r.shape[1] for r in programme.path):
+    if held.ends.shape == nlp.ends.shape:
+        rows[nlp.ends] = held.ends
+    if len(held.path) == len(grid) and held.path.shape[1] == sum(r.shape[1] for r in nlp.path):
         column = 0
-        for places in programme.path:
+        for places in nlp.path:
             rows[places] = held.path[:, column : column + places.shape[1]]
             column += places.shape[1]
     return limits, rows

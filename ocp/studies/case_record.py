@@ -71,8 +71,8 @@ def record_of(row: tuple[Any, ...]) -> Record:
     checks.whole("attempts", attempts, 1)
     numbers = {key: math.nan if value is None else value for key, value in read("results", results).items()}
     seconds = read("timings", timings)
-    for column, found in (("results", numbers), ("timings", seconds)):
-        for key, value in found.items():
+    for column, result in (("results", numbers), ("timings", seconds)):
+        for key, value in result.items():
             checks.instance(f"{column}, {key}", value, int | float, "a number")
     given = {key: plain(f"parameters, {key}", value) for key, value in read("parameters", parameters).items()}
     return Record(name, given, status, way, message, numbers, seconds, origin, structure, attempts, finished, host)
@@ -99,8 +99,8 @@ def read(name: str, text: object) -> dict[str, Any]:
     """
     checks.text(name, text)
     try:
-        found = json.loads(text)  # type: ignore[arg-type]
+        result = json.loads(text)  # type: ignore[arg-type]
     except RecursionError:
         raise checks.refused(name, text, "JSON of few levels") from None
-    checks.mapping(name, found, "name -> value")
-    return found  # type: ignore[no-any-return]
+    checks.mapping(name, result, "name -> value")
+    return result  # type: ignore[no-any-return]

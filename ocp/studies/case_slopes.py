@@ -35,16 +35,16 @@ def tangents(
             toward[name] = other
         else:
             notes.append(f"no derivative by {name}: the system changes with it")
-    found = {f"d {what} / d {name}": math.nan for name in (*values, *steps) for what in ("cost", "duration")}
+    results = {f"d {what} / d {name}": math.nan for name in (*values, *steps) for what in ("cost", "duration")}
     names = [name for name in values if name not in solution.free]
     if not names and not toward:
-        return found, "; ".join(notes)
+        return results, "; ".join(notes)
     known = sensitivity(solution, names, toward)
     for name in known.names:
         step = steps.get(name, 1.0)
-        found[f"d cost / d {name}"] = known.cost[name] / step
-        found[f"d duration / d {name}"] = known.duration[name] / step
-    return found, "; ".join([*notes, *known.notes])
+        results[f"d cost / d {name}"] = known.cost[name] / step
+        results[f"d duration / d {name}"] = known.duration[name] / step
+    return results, "; ".join([*notes, *known.notes])
 
 
 def _real(value: object) -> bool:

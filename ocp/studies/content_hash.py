@@ -136,11 +136,11 @@ def _content(cell: types.CellType) -> object:
 
 def _names(code: types.CodeType) -> set[str]:
     """Return the names that a code and those inside of it look up."""
-    found = set(code.co_names)
+    result = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            found |= _names(constant)
-    return found
+            result |= _names(constant)
+    return result
 
 
 @functools.lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ def measures(solution: Solution) -> dict[str, float]:
     Args:
         solution: of any status.
     """
-    found = {"cost": float(solution.cost), "duration": float(solution.duration)}
+    results = {"cost": float(solution.cost), "duration": float(solution.duration)}
     places = np.unique(np.concatenate([[0.0, 0.5, 1.0], solution.scheme.points]))
     peak = np.max(np.abs(solution.samples(places)[3]), axis=0)
     points, weights = np.polynomial.legendre.leggauss(8)
@@ -27,8 +27,8 @@ def measures(solution: Solution) -> dict[str, float]:
         [label.name for label in system.label("u", len(peak))] if system else [f"u_{i + 1}" for i in range(len(peak))]
     )
     for name, most, square in zip(labels, peak, mean, strict=True):
-        found[f"peak {name}"], found[f"rms {name}"] = float(most), float(np.sqrt(square))
-    return found
+        results[f"peak {name}"], results[f"rms {name}"] = float(most), float(np.sqrt(square))
+    return results
 
 
 def named_numbers(what: str, value: object) -> dict[str, float]:
@@ -43,11 +43,11 @@ def named_numbers(what: str, value: object) -> dict[str, float]:
     """
     if not isinstance(value, Mapping):
         raise TypeError(f"{what} returned {checks.shown(value)}, expected name -> number")
-    found = {}
+    results = {}
     for name, number in value.items():
         truth = isinstance(number, bool | np.bool_)
         array = np.array(np.nan) if number is None else checks.real(float(number) if truth else number)
         if array is None or array.ndim:
             raise TypeError(f"{what} returned {checks.shown(number)} as {name!r}, expected a number")
-        found[str(name)] = float(array)
-    return found
+        results[str(name)] = float(array)
+    return results

@@ -211,32 +211,32 @@ def plain_rows(name: str, rows: object) -> tuple[Case, ...]:
         TypeError, ValueError: something else.
     """
     wanted = "a list of at least one mapping name -> value"
-    found = checks.several(name, rows, wanted)
-    if not found or not all(isinstance(row, Mapping) and row for row in found):
+    result = checks.several(name, rows, wanted)
+    if not result or not all(isinstance(row, Mapping) and row for row in result):
         raise checks.refused(name, rows, wanted)
-    first = [str(one) for one in found[0]]
-    for number, row in enumerate(found):
+    first = [str(one) for one in result[0]]
+    for number, row in enumerate(result):
         for one in row:
             checks.text(f"{name}, names of case {number}", one)
-        if row.keys() != found[0].keys():
+        if row.keys() != result[0].keys():
             raise ValueError(
                 f"{name}: case {number} has {', '.join(row)}, the first one {', '.join(first)}; give the same"
             )
-    return tuple({one: plain(f"{name}, {one!r}", row[one]) for one in found[0]} for row in found)
+    return tuple({one: plain(f"{name}, {one!r}", row[one]) for one in result[0]} for row in result)
 
 
 def _axes(design: str, axes: Mapping[str, Sequence[Any]]) -> dict[str, tuple[Value, ...]]:
     if not isinstance(axes, Mapping) or not axes:
         raise checks.refused(f"{design}: axes", axes, "at least one axis, name -> values")
-    found = {}
+    results = {}
     for name, values in axes.items():
         checks.text(f"{design}: axes, each name", name)
         axis = f"{design}: axis {name!r}"
         values = values.tolist() if isinstance(values, np.ndarray) else values
         if not isinstance(values, Sequence) or isinstance(values, str | bytes) or not values:
             raise checks.refused(axis, values, "a list with at least one value")
-        found[name] = tuple(plain(axis, value) for value in values)
-    return found
+        results[name] = tuple(plain(axis, value) for value in values)
+    return results
 
 
 def _check_box(design: Random | LatinHypercube | Sobol) -> None:

@@ -62,14 +62,14 @@ def influences(table: StudyTable, result: str = "duration") -> tuple[Influence, 
     slopes = np.linalg.lstsq(plane, y, rcond=None)[0][1:]
     explained = (slopes * x.std(axis=0)) ** 2
     total = max(float(explained.sum()), 1e-300)
-    found = [
+    results = [
         Influence(
             name, float(slope), float(slope * column.mean() / y.mean()) if y.mean() else float("nan"),
             _main_effect(column, y, float(slope)), float(part) / total,
         )
         for name, slope, column, part in zip(names, slopes, x.T, explained, strict=True)
     ]  # fmt: skip
-    return tuple(sorted(found, key=lambda one: -abs(one.effect)))
+    return tuple(sorted(results, key=lambda one: -abs(one.effect)))
 
 
 def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...]:
@@ -96,15 +96,15 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
         slopes[a, b] = name, width, float(y[b] - y[a]) / width
     ends = {(name, b): slope for (_, b), (name, _, slope) in slopes.items()}
     begins = {(name, a): slope for (a, _), (name, _, slope) in slopes.items()}
-    found = []
+    results = []
     for (a, b), (name, width, slope) in slopes.items():
         before, after = ends.get((name, a)), begins.get((name, b))
         if before is None or after is None:
             continue
         away, beside = abs(slope - (before + after) / 2.0) * width, abs(after - before) * width
         if away > STEEP * beside + ROUNDING * abs(float(y[a])):
-            found.append((a, b))
-    return tuple(found)
+            results.append((a, b))
+    return tuple(results)
 
 
 def _numbers(table: StudyTable, result: str) -> Array:

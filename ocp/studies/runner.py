@@ -76,11 +76,11 @@ class _State:
     @cached_property
     def children(self) -> dict[int, list[int]]:
         """The cases that start from each case."""
-        found: dict[int, list[int]] = {}
+        results: dict[int, list[int]] = {}
         for number, above in enumerate(self.parents):
             if above is not None:
-                found.setdefault(above, []).append(number)
-        return found
+                results.setdefault(above, []).append(number)
+        return results
 
 
 def carry_out(

@@ -108,7 +108,7 @@ class Store:
 
     def records(self, ids: Iterable[str]) -> dict[str, Record]:
         """Return the records of those cases that are finished, without their solutions."""
-        found: dict[str, Record] = {}
+        results: dict[str, Record] = {}
         wanted = checks.several("ids", ids, "a list of identities")
         for one in wanted:
             checks.text("ids, each", one)
@@ -117,8 +117,8 @@ class Store:
                 part = wanted[first : first + CHUNK]
                 marks = ", ".join("?" * len(part))
                 for row in self._connection.execute(f"select {COLUMNS} from cases where id in ({marks})", part):
-                    found[row[0]] = record_of(row)
-        return found
+                    results[row[0]] = record_of(row)
+        return results
 
     def of_study(self, study: str) -> list[str]:
         """Return the ids of the finished cases that were computed for a study, oldest first."""
@@ -220,9 +220,9 @@ class Store:
     def _set_up(self) -> None:
         with self._plainly("cannot be used"):
             connection = self._connection
-            found = connection.execute("pragma quick_check(1)").fetchone()
-            if found is None or found[0] != "ok":
-                told = " ".join(str(found[0] if found else "unreadable").split())
+            result = connection.execute("pragma quick_check(1)").fetchone()
+            if result is None or result[0] != "ok":
+                told = " ".join(str(result[0] if result else "unreadable").split())
                 raise StoreError(f"{self.path}: is damaged ({told}); left untouched")
             if connection.execute("pragma application_id").fetchone()[0] != APPLICATION:
                 connection.execute("begin immediate")

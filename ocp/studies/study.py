@@ -40,7 +40,7 @@ class Study:
     The function takes the values of a case as keyword arguments (a dot in a name may be an underscore) and returns a
     Problem, which the study solves; or a Solution, a number, or a mapping name -> number. Values that a function does
     not take are parameters of the problem it returns. A system that stays the same object from case to case, built
-    once outside of the function, lets the study prepare its programme once in each process.
+    once outside of the function, lets the study prepare its NLP once in each process.
 
     Every case has an identity: the hash of function (code, and what it names), values, settings and versions. What is
     stored under it is not computed again; changed settings lead to other identities and never mix with old results.

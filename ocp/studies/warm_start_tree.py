@@ -24,7 +24,7 @@ def parents(cases: Sequence[Mapping[str, Any]]) -> list[int | None]:
     if not cases:
         return []
     places, kinds = _places(cases)
-    found: list[int | None] = [None] * len(cases)
+    result: list[int | None] = [None] * len(cases)
     for kind in range(int(kinds.max()) + 1):
         members = np.flatnonzero(kinds == kind)
         away = np.sum(np.abs(places[members] - np.median(places[members], axis=0)), axis=1)
@@ -33,8 +33,8 @@ def parents(cases: Sequence[Mapping[str, Any]]) -> list[int | None]:
             block = order[first : first + BLOCK]
             distances = np.sum(np.abs(places[block][:, None, :] - places[order[: first + len(block)]]), axis=2)
             for k, case in enumerate(block):
-                found[int(case)] = int(order[int(np.argmin(distances[k, : first + k]))])
-    return found
+                result[int(case)] = int(order[int(np.argmin(distances[k, : first + k]))])
+    return result
 
 
 def neighbours(cases: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
@@ -44,7 +44,7 @@ def neighbours(cases: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
         cases: with the same names.
     """
     known = {tuple(case.values()): number for number, case in enumerate(cases)}
-    found = []
+    results = []
     for name in cases[0] if cases else ():
         if not all(_is_number(case[name]) for case in cases):
             continue
@@ -53,8 +53,8 @@ def neighbours(cases: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
         for number, case in enumerate(cases):
             if case[name] in following:
                 other = known.get(tuple({**case, name: following[case[name]]}.values()))
-                found += [(number, other)] if other is not None else []
-    return found
+                results += [(number, other)] if other is not None else []
+    return results
 
 
 def _places(cases: Sequence[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray]:

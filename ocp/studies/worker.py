@@ -45,7 +45,7 @@ class Work:
 
     token: str  # identity of function and settings
     function: Any  # of a case: a Problem, a Sequence, a Solution or numbers; or a Problem itself
-    root: Case  # for which programmes are prepared, so that results do not depend on the order of the work
+    root: Case  # for which NLPs are prepared, so that results do not depend on the order of the work
     measure: Callable[[Solution], Mapping[str, float]]
     scheme: Scheme | None
     grid: Grid | None
@@ -142,12 +142,12 @@ def _recorded(work: Work, task: Task, blank: Record) -> Record:
     made, values = stated(here.function, task.case)
     if not isinstance(made, Problem | Sequence):
         return _of_value(work, made, blank)
-    found = _of_problem(here, task, made, values)
-    record = replace(blank, way=found.way, structure=found.structure)
-    record = _of_solution(work, found.solution, record, found.note)
-    if not (work.slopes and record.ok and isinstance(found.solution, Solution)):
+    result = _of_problem(here, task, made, values)
+    record = replace(blank, way=result.way, structure=result.structure)
+    record = _of_solution(work, result.solution, record, result.note)
+    if not (work.slopes and record.ok and isinstance(result.solution, Solution)):
         return record
-    slopes, note = tangents(found.solution, task.case, values, lambda case: stated(here.function, case)[0])
+    slopes, note = tangents(result.solution, task.case, values, lambda case: stated(here.function, case)[0])
     message = f"{record.message}; {note}".removesuffix("; ")
     return replace(record, results={**record.results, **slopes}, message=message)
 
@@ -160,24 +160,24 @@ def _of_problem(here: _Here, task: Task, problem: Problem | Sequence, values: di
     if isinstance(problem, Sequence):
         return _Found(prepared(ladder, values), "cold")
     cold = functools.partial(_cold, prepared, ladder, values)
-    found, note = None, ""
+    result, note = None, ""
     if task.start is not None and work.neighbours:
         near = decode(task.start.content, problem, task.start.id)
         if task.structure is not None and work.polished and near.structure is not None:
             carried = here.structure(task.structure)(values, problem, near)
             if carried.ok and carried.structure is not None:
-                found = _Found(carried, "carried", task.structure.id)
+                result = _Found(carried, "carried", task.structure.id)
             else:
                 note = f"structure not carried over: {carried.message}"
-        if found is None:
+        if result is None:
             warm = prepared.proceed(near, values)
-            found = _finished(work, task, warm, "warm") if warm.ok else None
+            result = _finished(work, task, warm, "warm") if warm.ok else None
             note = note if warm.ok else f"{note}; warm start: {warm.message}".removeprefix("; ")
-    if found is None:
+    if result is None:
         return replace(_finished(work, task, cold(), "cold"), note=note)
     if not work.neighbours or not _chosen(task.id, work.checked):
-        return replace(found, note=note)
-    return replace(_compared(work, task, found, cold()), note=note)
+        return replace(result, note=note)
+    return replace(_compared(work, task, result, cold()), note=note)
 
 
 def _cold(prepared: Prepared, ladder: Any, values: dict[str, float]) -> Solution:
@@ -185,15 +185,15 @@ def _cold(prepared: Prepared, ladder: Any, values: dict[str, float]) -> Solution
     return solution
 
 
-def _compared(work: Work, task: Task, found: _Found, cold: Solution) -> _Found:
+def _compared(work: Work, task: Task, result: _Found, cold: Solution) -> _Found:
     """Return the better one of what was found from a neighbour and from nothing, and say which one that is."""
-    allowed = BETTER * abs(found.solution.cost)
-    if not cold.ok or cold.cost >= found.solution.cost - allowed:
-        return replace(found, way=f"{found.way}, checked")
+    allowed = BETTER * abs(result.solution.cost)
+    if not cold.ok or cold.cost >= result.solution.cost - allowed:
+        return replace(result, way=f"{result.way}, checked")
     fair = _finished(work, task, cold, "cold")  # polished as well, if the study asks for it
-    if fair.solution.cost >= found.solution.cost - allowed:
-        return replace(found, way=f"{found.way}, checked")
-    return replace(fair, way=f"cold, better than {found.way}")
+    if fair.solution.cost >= result.solution.cost - allowed:
+        return replace(result, way=f"{result.way}, checked")
+    return replace(fair, way=f"cold, better than {result.way}")
 
 
 def _finished(work: Work, task: Task, solution: Solution, way: str) -> _Found:
@@ -254,7 +254,7 @@ class _Here:
         self._structures: OrderedDict[str, PreparedStructure] = OrderedDict()
 
     def prepared_for(self, problem: Problem | Sequence, values: dict[str, float]) -> Prepared:
-        """Return the programme of the study for the numbers of a case, or one of its own if its structure differs."""
+        """Return the NLP of the study for the numbers of a case, or one of its own if its structure differs."""
         work = self.work
         if self._prepared is None:
             first, nominal = stated(self.function, work.root)
@@ -265,7 +265,7 @@ class _Here:
             return prepare(problem, work.scheme, work.grid, work.solver, values=values)
 
     def structure(self, origin: Known) -> PreparedStructure:
-        """Return the programme of the structure of a case, prepared once."""
+        """Return the NLP of the structure of a case, prepared once."""
         if origin.id not in self._structures:
             problem, _ = stated(self.function, origin.case)
             solution = decode(origin.content, problem, origin.id)
@@ -288,7 +288,7 @@ _IN_THIS_PROCESS: dict[tuple[str, str], _Here] = {}
 
 
 def _here(work: Work) -> _Here:
-    # Two studies of one function with other cases have other programmes: each is prepared for its own root.
+    # Two studies of one function with other cases have other NLPs: each is prepared for its own root.
     key = work.token, canonical(work.root)
     if key not in _IN_THIS_PROCESS:
         _IN_THIS_PROCESS.clear()

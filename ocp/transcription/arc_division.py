@@ -15,7 +15,7 @@ class Condition:
 
     Args:
         expression: (m,) in x, u, p of the system.
-        size: (m,) magnitudes; the rows of the programme are divided by them.
+        size: (m,) magnitudes; the rows of the NLP are divided by them.
         elements: (e,) numbers of the elements.
         tau: places on each of them.
     """
@@ -27,7 +27,7 @@ class Condition:
 
     @property
     def rows(self) -> int:
-        """Number of rows of the programme."""
+        """Number of rows of the NLP."""
         return int(self.expression.numel() * len(self.elements) * len(self.tau))
 
 

@@ -1,4 +1,4 @@
-"""Assembly: small derivatives of local functions become the sparse ones of a programme."""
+"""Assembly: small derivatives of local functions become the sparse ones of an NLP."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Local:
         inputs: symbols of parameters, after the arguments.
         linear: (m + 1, nw) constant part; the first m results are rows of g, the last one is added to the cost.
         terms: outer (m + 1, nv) and inner (ny, nw) matrix of every term.
-        places: (nw, copies) of w among the unknowns of the programme, each once in a copy.
+        places: (nw, copies) of w among the unknowns of the NLP, each once in a copy.
     """
 
     values: ca.SX
@@ -87,7 +87,7 @@ class Derived:
     upper: ca.SX  # (nw, nw) upper triangle of the Hessian of lam . results, sparse
 
     def functions(self, inputs: tuple[ca.SX, ...], number: int) -> dict[str, ca.Function]:
-        """Return those that a programme calls, of w and the inputs; none for what is not there.
+        """Return those that an NLP calls, of w and the inputs; none for what is not there.
 
         IPOPT asks for cost and rows one by one, so they and their slopes are functions of their own.
         """
@@ -106,12 +106,12 @@ class Derived:
 def assemble(
     blocks: Sequence[tuple[Local, Sequence[ca.MX]]], z: ca.MX, s: ca.MX, translate: Compile | None = None
 ) -> tuple[dict[str, ca.MX], dict[str, ca.Function], Compilation | None]:
-    """Return cost, rows and their derivative functions of a programme made of local functions.
+    """Return cost, rows and their derivative functions of an NLP made of local functions.
 
     Args:
         blocks: local functions in the order of their rows, each with its inputs (one column for each copy).
         z: (nz,) unknowns.
-        s: parameters of the programme.
+        s: parameters of the NLP.
         translate: makes compiled functions of those that stand at more than one place; its answer is returned as well.
     """
     blocks = [(local, inputs) for local, inputs in blocks if not local.empty]

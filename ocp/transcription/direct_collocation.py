@@ -1,4 +1,4 @@
-"""Direct collocation: a problem on a grid becomes a sparse programme with its derivatives.
+"""Direct collocation: a problem on a grid becomes a sparse NLP with its derivatives.
 
 One function stands for an element (defects, path constraints, running cost), one for both ends of the motion. Each is
 differentiated once (SX, cse), mapped and scattered into the large sparse matrices: the symbolic work does not depend
@@ -20,7 +20,7 @@ from ocp.transcription.arc_division import Condition, Division, Near
 from ocp.transcription.derivatives import Local, assemble
 from ocp.transcription.grid import Grid
 from ocp.transcription.layout import Layout, lay_out
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Control, Scheme
 
@@ -28,8 +28,8 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 def transcribe(
     problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None,
     translate: Compile | None = None,
-) -> Programme:  # fmt: skip
-    """Return the programme of a problem on a grid.
+) -> Nlp:  # fmt: skip
+    """Return the NLP of a problem on a grid.
 
     Args:
         problem: what to solve.
@@ -70,7 +70,7 @@ def transcribe(
     if division.total:
         blocks.append((_total(layout, scaling), []))
         sizes.append(np.full(1, scaling.horizon))
-    nlp, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
+    expressions, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
@@ -78,8 +78,8 @@ def transcribe(
         first + np.arange(c.rows).reshape(len(c.elements), len(c.tau), -1)
         for first, c in zip(counts[1:], division.conditions, strict=False)
     )
-    return Programme(
-        problem, scheme, grid, scaling, layout, free, nlp, derivatives,
+    return Nlp(
+        problem, scheme, grid, scaling, layout, free, expressions, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
         chosen, counts[-1] + np.arange(int(division.total)), compilation,
         np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
@@ -259,13 +259,13 @@ def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
 
 def free_parameters(problem: Problem) -> Array:
     """Return the numbers of the parameters that an along(...) makes unknowns."""
-    found = {
+    result = {
         place
         for constraint in problem.subject_to
         if constraint.where is Where.ALONG
         for place, _ in simple(constraint, problem.system.p)
     }
-    return np.array(sorted(found), dtype=int)
+    return np.array(sorted(result), dtype=int)
 
 
 def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:

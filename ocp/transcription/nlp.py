@@ -1,4 +1,4 @@
-"""A transcribed problem: its sparse programme, and the way between scaled unknowns and motions."""
+"""A transcribed problem: its sparse NLP, and the way between scaled unknowns and motions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ocp.transcription.schemes.scheme import Scheme
 
 
 @dataclass(frozen=True, eq=False)
-class Programme:
+class Nlp:
     """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
 
     The solver sees f divided by scaling.cost and g divided by sizes.
@@ -31,7 +31,7 @@ class Programme:
     scaling: Scaling
     layout: Layout
     free: Array  # numbers of the parameters that are unknowns
-    nlp: Mapping[str, ca.MX]  # x, p, f, g
+    expressions: Mapping[str, ca.MX]  # x, p, f, g
     derivatives: Mapping[str, ca.Function]  # grad_f, jac_g, hess_lag
     defects: Array  # (N, rows, nx) rows of g
     path: tuple[Array, ...]  # for each path part (N, places) rows of g
@@ -49,9 +49,9 @@ class Programme:
         return sum(rows.size for rows in (self.defects, *self.path, self.ends, *self.conditions, self.total))
 
 
-def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
+def bounds(nlp: Nlp) -> tuple[Array, Array, Array, Array]:
     """Return lower and upper bounds of the scaled unknowns and the rows, (nz,), (nz,), (ng,), (ng,)."""
-    problem, layout, scaling = programme.problem, programme.layout, programme.scaling
+    problem, layout, scaling = nlp.problem, nlp.layout, nlp.scaling
     system = problem.system
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
 
@@ -66,16 +66,16 @@ def bounds(programme: Programme) -> tuple[Array, Array, Array, Array]:
     if isinstance(problem.horizon, Free):
         limits = np.array([problem.horizon.lower]), np.array([problem.horizon.upper])
         tighten(layout.horizon, *limits, np.array([scaling.horizon]))
-    if len(programme.free):
+    if len(nlp.free):
         lower, upper = problem.limits(Where.ALONG, system.p)
-        tighten(layout.free, lower[programme.free], upper[programme.free], scaling.free)
-    rows_low, rows_high = np.zeros(programme.rows), np.zeros(programme.rows)
-    for place, (i, c) in enumerate(programme.path_parts):
+        tighten(layout.free, lower[nlp.free], upper[nlp.free], scaling.free)
+    rows_low, rows_high = np.zeros(nlp.rows), np.zeros(nlp.rows)
+    for place, (i, c) in enumerate(nlp.path_parts):
         constraint = problem.subject_to[i]
-        rows_low[programme.path[place]] = constraint.lower[c]
-        rows_high[programme.path[place]] = constraint.upper[c]
-    for place, (i, c, _) in enumerate(programme.ends_parts):
+        rows_low[nlp.path[place]] = constraint.lower[c]
+        rows_high[nlp.path[place]] = constraint.upper[c]
+    for place, (i, c, _) in enumerate(nlp.ends_parts):
         constraint = problem.subject_to[i]
-        rows_low[programme.ends[place]] = constraint.lower[c]
-        rows_high[programme.ends[place]] = constraint.upper[c]
+        rows_low[nlp.ends[place]] = constraint.lower[c]
+        rows_high[nlp.ends[place]] = constraint.upper[c]
     return low, high, rows_low, rows_high

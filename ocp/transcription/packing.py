@@ -11,7 +11,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.problem.problem import Fixed
 from ocp.transcription.guess import Guess
-from ocp.transcription.nlp import Programme
+from ocp.transcription.nlp import Nlp
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Multipliers:
     ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
 
 
-def pack(programme: Programme, guess: Guess, values: list[float]) -> Array:
+def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
     """Return the scaled unknowns (nz,) of a guess."""
-    layout, scaling, grid, scheme = programme.layout, programme.scaling, programme.grid, programme.scheme
+    layout, scaling, grid, scheme = nlp.layout, nlp.scaling, nlp.grid, nlp.scheme
     z = np.zeros(layout.size)
     starts, widths = grid.ends[:-1, None], grid.widths[:, None]
     z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
@@ -37,7 +37,7 @@ def pack(programme: Programme, guess: Guess, values: list[float]) -> Array:
     places = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
     z[layout.control] = guess.control(starts + widths * places) / scaling.u
     z[layout.horizon] = guess.duration / scaling.horizon
-    nominal = np.array([values[number] for number in programme.free])
+    nominal = np.array([values[number] for number in nlp.free])
     z[layout.free] = (guess.free if len(guess.free) == len(nominal) else nominal) / scaling.free
     return z
 
@@ -56,17 +56,17 @@ class Motion:
     values: Mapping[str, float]
 
 
-def unpack(programme: Programme, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
+def unpack(nlp: Nlp, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
     """Return the motion that scaled unknowns (nz,), multipliers of the rows (ng,) and of bounds (nz,) stand for."""
-    layout, scaling, problem, scheme = programme.layout, programme.scaling, programme.problem, programme.scheme
+    layout, scaling, problem, scheme = nlp.layout, nlp.scaling, nlp.problem, nlp.scheme
     system = problem.system
     if isinstance(problem.horizon, Fixed):
         duration = problem.horizon.duration
     else:
         duration = float(z[layout.horizon[0]] * scaling.horizon)
     names = list(system.nominal)
-    found = [float(value) for value in z[layout.free] * scaling.free]
-    free = {names[number]: value for number, value in zip(programme.free, found, strict=True)}
+    results = [float(value) for value in z[layout.free] * scaling.free]
+    free = {names[number]: value for number, value in zip(nlp.free, results, strict=True)}
     everything = {**dict(zip(names, values, strict=True)), **free}
     states, controls = z[layout.state] * scaling.x, z[layout.control] * scaling.u
     slopes = np.zeros((len(states), 0, states.shape[2]))
@@ -74,13 +74,13 @@ def unpack(programme: Programme, z: Array, multipliers: Array, limits: Array, va
         rate = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(states))
         first = np.einsum("m,kma->ak", scheme.control_at(np.zeros(1))[0], controls)
         parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
-        widths = duration * programme.grid.widths
+        widths = duration * nlp.grid.widths
         slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
     # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
-    mu = multipliers[programme.defects]
+    mu = multipliers[nlp.defects]
     costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
-    path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *programme.path)])
+    path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *nlp.path)])
     held = Multipliers(
-        limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[programme.ends]
+        limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[nlp.ends]
     )
     return Motion(duration, states, controls, slopes, costates, held, free, everything)

@@ -15,7 +15,7 @@ from ocp.system import slopes as slopes_of
 from ocp.transcription.guess import Guess
 
 NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
-COST = 8.0  # the cost of a guess in the programme, so that the first barrier, 0.1, is about a hundredth of it
+COST = 8.0  # the cost of a guess in the NLP, so that the first barrier, 0.1, is about a hundredth of it
 OFFSET, STILL = 1e-5, 1e-12  # share of its value that a moving state is resolved to, and below which it rests
 IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
 LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
@@ -23,7 +23,7 @@ LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes t
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Unknowns, cost and rows of the programme are physical ones divided by these.
+    """Unknowns, cost and rows of the NLP are physical ones divided by these.
 
     All are powers of two, so that bounds stay exact.
     """
@@ -44,7 +44,7 @@ def table(scaling: Scaling, problem: Problem) -> str:
     """Return the magnitudes in physical units, one line for each unknown.
 
     Args:
-        scaling: of a programme, such as `prepared.compound.programmes[0].scaling`.
+        scaling: of an NLP, such as `prepared.compound.NLPs[0].scaling`.
         problem: that it belongs to.
     """
     system = problem.system
@@ -67,7 +67,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     A control is scaled by its limit; a state by the largest of its limits, its range in the guess and, where neither
     speaks, what its rate builds up in a quarter of the guessed duration with the controls at their limits. A limit
     far beyond all that the guess needs is none. The cost is scaled by that of the guess, a limited expression by its
-    limit and by what states and controls make of it. So the programme is the same in every system of units.
+    limit and by what states and controls make of it. So the NLP is the same in every system of units.
 
     Args:
         problem: the problem.
@@ -140,9 +140,9 @@ def _reach(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM, corner: 
 def _largest(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM) -> Array:
     system, count = problem.system, len(guess.share)
     function = ca.Function("size", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))]).map(count)
-    found = np.abs(np.array(function(guess.x.T, guess.u.T, ca.repmat(p, 1, count))))
-    found[~np.isfinite(found)] = 0.0
-    return np.asarray(np.max(found, axis=1, initial=0.0))
+    result = np.abs(np.array(function(guess.x.T, guess.u.T, ca.repmat(p, 1, count))))
+    result[~np.isfinite(result)] = 0.0
+    return np.asarray(np.max(result, axis=1, initial=0.0))
 
 
 def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> float:
@@ -154,8 +154,8 @@ def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Ar
         return timed
 
     def of(motion: Guess) -> float:
-        found = [_largest(part, problem, motion, p)[0] for part in (minimise.running, minimise.final)]
-        return float(guess.duration * found[0] + found[1])
+        results = [_largest(part, problem, motion, p)[0] for part in (minimise.running, minimise.final)]
+        return float(guess.duration * results[0] + results[1])
 
     x, u = np.vstack([guess.x[0] + corner[0], guess.x[-1] - corner[0]]), np.vstack([corner[1], -corner[1]])
     wide = Guess(np.array([0.0, 1.0]), x, u, guess.duration, guess.free)

@@ -49,10 +49,12 @@ def of_dymos(method: str, limit: float) -> Contender:
         except subprocess.TimeoutExpired as late:
             said = late.stdout or b""
         passes = [json.loads(line) for line in said.decode().splitlines() if line.startswith('{"seconds"')]
-        for k, found in enumerate(passes):
-            label = f"pass {k}, {found['elements']} elements, degree {found['degree']}"
-            note = "" if found["solved"] else "the solver failed"
-            yield Run(label, found["cost"], found["setup"], float("nan"), found["seconds"] - found["setup"], note=note)
+        for k, result in enumerate(passes):
+            label = f"pass {k}, {result['elements']} elements, degree {result['degree']}"
+            note = "" if result["solved"] else "the solver failed"
+            yield Run(
+                label, result["cost"], result["setup"], float("nan"), result["seconds"] - result["setup"], note=note
+            )
 
     return Contender(f"dymos, {method} refinement", runs)
 

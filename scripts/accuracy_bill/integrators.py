@@ -28,50 +28,50 @@ def table(motion: Motion, options: argparse.Namespace) -> Table:
     return simulation.measure(cases, motion.drive(), motion.horizon, chosen, repeats=options.repeats, longest=0.1)
 
 
-def curves(found: Table, form: str) -> list[Curve]:
+def curves(result: Table, form: str) -> list[Curve]:
     """Return the curve of every integrator on a form; errors below that of the reference count as that."""
     made = []
-    for name in dict.fromkeys(row.method for row in found.rows):
-        rows = [row for row in found.rows if (row.form, row.method) == (form, name)]
-        points = [Point(_setting(row), max(row.error, found.reference_error), row.seconds) for row in rows]
+    for name in dict.fromkeys(row.method for row in result.rows):
+        rows = [row for row in result.rows if (row.form, row.method) == (form, name)]
+        points = [Point(_setting(row), max(row.error, result.reference_error), row.seconds) for row in rows]
         made.append(Curve(name, tuple(points), continuous=True))
     return made
 
 
-def half(found: Table) -> tuple[list[Curve], float, str, str, str]:
+def half(result: Table) -> tuple[list[Curve], float, str, str, str]:
     """Return what the picture shows: curves, error of the reference, heading, labels."""
-    form = shown(found)
-    heading = f"simulation, {form} form; reference accurate to {found.reference_error:.0e}"
+    form = shown(result)
+    heading = f"simulation, {form} form; reference accurate to {result.reference_error:.0e}"
     return (
-        curves(found, form),
-        found.reference_error,
+        curves(result, form),
+        result.reference_error,
         heading,
         f"error in {WHAT}",
         "seconds of one simulation, without the first",
     )
 
 
-def words(found: Table, options: argparse.Namespace) -> str:
+def words(result: Table, options: argparse.Namespace) -> str:
     """Return a recommendation, and which form is cheapest at equal error."""
-    form = shown(found)
-    advice = recommend(curves(found, form), options.tolerance, "", f"{WHAT} ({form} form)")
-    _, sentence = simulation.cheapest(found)
-    return f"Reference accurate to {found.reference_error:.1e}. {advice} {sentence[:1].upper()}{sentence[1:]}."
+    form = shown(result)
+    advice = recommend(curves(result, form), options.tolerance, "", f"{WHAT} ({form} form)")
+    _, sentence = simulation.cheapest(result)
+    return f"Reference accurate to {result.reference_error:.1e}. {advice} {sentence[:1].upper()}{sentence[1:]}."
 
 
-def shown(found: Table) -> str:
+def shown(result: Table) -> str:
     """Return the form that is drawn: canonical if it took part."""
-    names = [row.form for row in found.rows]
+    names = [row.form for row in result.rows]
     return "canonical" if "canonical" in names else names[0]
 
 
-def as_csv(found: Table) -> str:
+def as_csv(result: Table) -> str:
     """Return all rows with every digit."""
     text = io.StringIO()
     writer = csv.writer(text)
     units = {"seconds": " [s]", "error": " [share]"}
     writer.writerow([f"{field.name}{units.get(field.name, '')}" for field in fields(Row)])
-    writer.writerows([repr(v) if isinstance(v, float) else v for v in astuple(row)] for row in found.rows)
+    writer.writerows([repr(v) if isinstance(v, float) else v for v in astuple(row)] for row in result.rows)
     return text.getvalue()
 
 

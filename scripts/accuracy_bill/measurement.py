@@ -112,12 +112,12 @@ def against(rows: Sequence[Row], reference: Reference) -> list[Row]:
 
 def curves(rows: Sequence[Row], reference: Reference) -> list[Curve]:
     """Return the curve of every contender with an answer; errors below that of the reference count as that."""
-    found = []
+    results = []
     for name in dict.fromkeys(row.contender for row in rows if not row.note):
         own = [row for row in rows if row.contender == name and not row.note]
         points = tuple(Point(row.label, max(row.error, reference.error), row.total, row.keeps) for row in own)
-        found.append(Curve(name, points, own[0].continuous))
-    return found
+        results.append(Curve(name, points, own[0].continuous))
+    return results
 
 
 def _with_medians(row: Row, runs: Sequence[Run]) -> Row:

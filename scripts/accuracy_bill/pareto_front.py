@@ -31,12 +31,12 @@ class Curve:
 
         An error that changes its sign along the curve is small by luck at one place; such luck is no accuracy.
         """
-        found: list[Point] = []
+        results: list[Point] = []
         worst = 0.0
         for point in reversed([p for p in self.points if p.valid]):
             worst = max(worst, point.error) if math.isfinite(point.error) else math.inf
-            found.append(Point(point.label, worst, point.seconds))
-        return tuple(reversed(found))
+            results.append(Point(point.label, worst, point.seconds))
+        return tuple(reversed(results))
 
 
 def front(points: Sequence[Point]) -> tuple[Point, ...]:
@@ -73,13 +73,13 @@ def price(curve: Curve, tolerance: float) -> float:
 
 def cheapest(curves: Sequence[Curve], tolerance: float) -> tuple[Curve, Point] | None:
     """Return the run with the fewest seconds whose lasting error is at most `tolerance`; None if there is none."""
-    found = [
+    results = [
         (curve, point)
         for curve in curves
         for point in curve.lasting
         if point.error <= tolerance and math.isfinite(point.seconds)
     ]
-    return min(found, key=lambda pair: pair[1].seconds, default=None)
+    return min(results, key=lambda pair: pair[1].seconds, default=None)
 
 
 def recommend(curves: Sequence[Curve], tolerance: float, unit: str, what: str) -> str:
@@ -92,8 +92,8 @@ def recommend(curves: Sequence[Curve], tolerance: float, unit: str, what: str) -
         what: the quantity that is wanted, such as "t_f".
     """
     wanted = f"{tolerance:.0e} {unit}".rstrip()
-    found = cheapest(curves, tolerance)
-    if found is None:
+    result = cheapest(curves, tolerance)
+    if result is None:
         everything = [(curve, point) for curve in curves for point in curve.lasting if math.isfinite(point.error)]
         if not everything:
             return f"For {wanted} in {what} there is nothing to recommend: no run succeeded."
@@ -102,7 +102,7 @@ def recommend(curves: Sequence[Curve], tolerance: float, unit: str, what: str) -
             f"For {wanted} in {what} there is nothing to recommend: the most accurate run, {_named(curve, point)}, "
             f"is at {point.error:.1e}{f' {unit}' if unit else ''} after {_seconds(point.seconds)}."
         )
-    curve, point = found
+    curve, point = result
     text = f"For {wanted} in {what} take {_named(curve, point)}, {_seconds(point.seconds)}"
     further = cheapest(curves, tolerance / 10.0)
     if further is None:

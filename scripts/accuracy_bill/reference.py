@@ -48,10 +48,10 @@ def polished(scene: Scene) -> Reference | None:
         first = solve(scene.problems[form](), radau(3), uniform(n), Ipopt(progress=False))
         costs = []
         for scheme, tol in ((legendre(6, Control.COLLOCATED), 1e-10), (radau(7, Control.COLLOCATED), 1e-12)):
-            found = polish(first, scheme=scheme, solver=replace(SETTINGS, tol=tol))
-            if found.structure is None:
+            result = polish(first, scheme=scheme, solver=replace(SETTINGS, tol=tol))
+            if result.structure is None:
                 break
-            costs.append(found.cost)
+            costs.append(result.cost)
         if len(costs) == 2:
             error = max(abs(costs[1] - costs[0]), DIGITS * abs(costs[1]))
             return Reference(costs[1], error, "switching times as unknowns, with two schemes and tolerances")
@@ -67,11 +67,11 @@ def extrapolated(scene: Scene, grids: tuple[int, int]) -> Reference:
     Source: L. F. Richardson, The approximate arithmetical solution by finite differences, 1911.
     """
     form = next(iter(scene.problems))
-    found = [solve(scene.problems[form](), radau(3), uniform(n), Ipopt(progress=False)) for n in grids]
-    for solution in found:
+    results = [solve(scene.problems[form](), radau(3), uniform(n), Ipopt(progress=False)) for n in grids]
+    for solution in results:
         if not solution.ok:
             raise RuntimeError(f"reference: {solution.message}")
-    coarse, fine = (solution.cost for solution in found)
+    coarse, fine = (solution.cost for solution in results)
     step = (fine - coarse) / ((grids[1] / grids[0]) ** 2 - 1.0)
     source = f"extrapolated from {grids[0]} and {grids[1]} elements of radau(3)"
     return Reference(fine + step, max(abs(fine - coarse), DIGITS * abs(fine)), source)

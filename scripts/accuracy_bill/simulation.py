@@ -105,11 +105,11 @@ def forms(
     """
     basis = assemble(machine, effects).frame(None)
     w = basis.matrix @ machine.v
-    found = {}
+    results = {}
     for name, third in (("lagrange", machine.v), ("hamel", w), ("canonical", basis.metric @ w)):
         begin = ca.Function("begin", [machine.q, machine.v], [ca.densify(third)])
-        found[name] = FORMS[name](machine, effects), np.concatenate([q, np.array(begin(q, v)).ravel()])
-    return found
+        results[name] = FORMS[name](machine, effects), np.concatenate([q, np.array(begin(q, v)).ravel()])
+    return results
 
 
 def measure(

@@ -31,8 +31,8 @@ def measure(name: str, elements: int, repeats: int) -> str:
         new = prepare(problem, grid=grid, solver=settings, compiled=True)
         again = prepare(problem, grid=grid, solver=settings, compiled=True)
         kinds = prepare(problem, grid=grid, solver=settings), again
-        made, found = new.compilations[0], again.compilations[0]
-        if made.note or not found.cached:
+        made, result = new.compilations[0], again.compilations[0]
+        if made.note or not result.cached:
             return f"{name:12s} {elements:8d}   {made.note or 'the library was not found again'}"
         answers = [[_solved(kind) for kind in kinds] for _ in range(repeats)]
     plain, compiled = zip(*answers, strict=True)
@@ -45,7 +45,7 @@ def measure(name: str, elements: int, repeats: int) -> str:
     pays = f"{made.seconds / gained:7.0f}" if gained > 0.0 else "  never"
     return (
         f"{name:12s} {elements:8d} {whole[0]:9.4f} {whole[1]:9.4f} {ratio:7.3f} {1.0 - parts[1] / parts[0]:7.2f}"
-        f" {made.seconds:9.3f} {found.seconds:8.4f} {pays}"
+        f" {made.seconds:9.3f} {result.seconds:8.4f} {pays}"
         f" {abs(plain[0].cost - compiled[0].cost):9.1e}"
     )
 

@@ -1,6 +1,6 @@
 """Plain CasADi programs that a careful user would write by hand: the yardsticks of the benchmark.
 
-They share no code with the project. All pose the same programme: Radau IIA with three points, one constant control on
+They share no code with the project. All pose the same NLP: Radau IIA with three points, one constant control on
 each element, scaled unknowns; first the unknowns (x at 0 and the two inner points, u) of each element, then the last
 state and the duration. Only how derivatives come about differs:
 
@@ -23,7 +23,7 @@ from benchmarks.problems import Case, Numbers, Outcome
 from ocp.checks import Array
 
 DEGREE = 3
-Parts = tuple[dict[str, Any], dict[str, ca.Function]]  # the programme, and derivative functions if there are any
+Parts = tuple[dict[str, Any], dict[str, ca.Function]]  # the NLP, and derivative functions if there are any
 
 NLPSOL = {
     "print_time": False, "error_on_fail": False, "record_time": True, "no_nlp_grad": True,
@@ -52,8 +52,8 @@ def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, s
     cpu, begun = time.process_time(), time.perf_counter()
     n = len(given.u)
     element = describe(case, given, n)
-    programme, functions = derive(element, n)
-    solver = ca.nlpsol("solver", "ipopt", programme, {"ipopt": given.ipopt, **NLPSOL, **functions})
+    nlp, functions = derive(element, n)
+    solver = ca.nlpsol("solver", "ipopt", nlp, {"ipopt": given.ipopt, **NLPSOL, **functions})
     z0, low, high = point_and_bounds(case, given, element)
     started = time.perf_counter()
     if not solve_too:
@@ -96,8 +96,8 @@ def describe(case: Case, given: Numbers, n: int) -> Element:
             sizes = given.ends_scale[place : place + expression.numel()]
             place += expression.numel()
             if not expression.is_valid_input():
-                found = ca.Function("end", [case.system.x], [expression])(end * given.x_scale)
-                rows.append((found - ca.DM(list(values))) / ca.DM(sizes))
+                result = ca.Function("end", [case.system.x], [expression])(end * given.x_scale)
+                rows.append((result - ca.DM(list(values))) / ca.DM(sizes))
     ends_places = np.concatenate([np.arange(nx), n * block + np.arange(nx)])
     time = given.duration_scale / given.cost_scale if free else 0.0
     return Element(
@@ -127,7 +127,7 @@ def point_and_bounds(case: Case, given: Numbers, element: Element) -> tuple[Arra
 
 
 def by_elements(element: Element, n: int) -> Parts:
-    """Return the programme with its derivatives gathered from those of one element and of the ends."""
+    """Return the NLP with its derivatives gathered from those of one element and of the ends."""
     size, rows_in, ends = element.size, element.defects.numel(), ca.vertcat(element.x_first, element.x_last)
     rows = rows_in * n + element.ends.numel()
     z, lam_f, lam_g = ca.MX.sym("z", size), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
@@ -182,12 +182,12 @@ def by_elements(element: Element, n: int) -> Parts:
 
 
 def by_map(element: Element, n: int) -> Parts:
-    """Return the programme with the function of one element mapped; CasADi derives."""
+    """Return the NLP with the function of one element mapped; CasADi derives."""
     return _whole(element, n, ca.MX.sym("z", element.size)), {}
 
 
 def by_graph(element: Element, n: int) -> Parts:
-    """Return the programme as one SX graph; CasADi derives."""
+    """Return the NLP as one SX graph; CasADi derives."""
     return _whole(element, n, ca.SX.sym("z", element.size)), {}
 
 
@@ -200,8 +200,8 @@ def _whole(element: Element, n: int, z: Any) -> dict[str, Any]:
         parts = [inside(z[element.places[:, k].tolist()]) for k in range(n)]
         defects, cost = ca.vertcat(*(part[0] for part in parts)), ca.sum1(ca.vertcat(*(part[1] for part in parts)))
     else:
-        found, costs = inside.map(n)(_pick(z, element.places))
-        defects, cost = ca.vec(found), ca.sum2(costs)
+        result, costs = inside.map(n)(_pick(z, element.places))
+        defects, cost = ca.vec(result), ca.sum2(costs)
     g = ca.vertcat(defects, at_ends(z[element.ends_places.tolist()]))
     return {"x": z, "f": element.time * z[-1] + cost, "g": g}
 

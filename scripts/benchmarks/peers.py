@@ -1,6 +1,6 @@
 """Other tools on the problems of the benchmark, each used as its manual says, where they are installed.
 
-rockit     Radau of degree 3, one constant control on each element, scaled unknowns: the same programme as ours
+rockit     Radau of degree 3, one constant control on each element, scaled unknowns: the same NLP as ours
 pyomo.dae  the same scheme, physical units; its NL file is solved by the IPOPT of CasADi, and reading it is not counted
 drake      DirectCollocation: Hermite-Simpson, controls linear between samples, scaled unknowns, SNOPT
 
@@ -195,20 +195,20 @@ def drake(case: Case, given: Numbers) -> Outcome:
     method = tool.DirectCollocation(
         plant, plant.CreateDefaultContext(), n + 1, *(step * factor for factor in (loose if case.free else (1.0, 1.0)))
     )
-    programme = method.prog()
+    nlp = method.prog()
     method.AddEqualTimeIntervalsConstraints()
     for k in range(n + 1):
         for variables, (low, high), scale in (
             (method.state(k), case.x, given.x_scale), (method.input(k), case.u, given.u_scale),
         ):  # fmt: skip
-            programme.AddBoundingBoxConstraint(low, high, variables)
+            nlp.AddBoundingBoxConstraint(low, high, variables)
             for variable, magnitude in zip(variables, scale, strict=True):
-                programme.SetVariableScaling(variable, magnitude)
+                nlp.SetVariableScaling(variable, magnitude)
     for pins, ends in ((case.start, method.initial_state()), (case.end, method.final_state())):
         for expression, values in pins:
             pinned = ca.Function("pin", [system.x], [ca.densify(expression)])
             for left, value in zip(replay(pinned, [ends], tool), values, strict=True):
-                programme.AddConstraint(left, float(value), float(value))
+                nlp.AddConstraint(left, float(value), float(value))
     if case.free:
         method.AddFinalCost(method.time())
     else:
@@ -217,7 +217,7 @@ def drake(case: Case, given: Numbers) -> Outcome:
     times, hold = given.guess.share * given.duration, tool.PiecewisePolynomial.FirstOrderHold
     method.SetInitialTrajectory(hold(times, given.guess.u.T), hold(times, given.guess.x.T))
     started = time.perf_counter()
-    result = tool.SnoptSolver().Solve(programme)
+    result = tool.SnoptSolver().Solve(nlp)
     spent = time.perf_counter() - started
     note = "" if result.is_success() else str(result.get_solution_result()).split(".")[-1]
     return Outcome(

@@ -62,12 +62,12 @@ def _variant(study: Study, polished: bool, neighbours: bool) -> Study:
 
 
 def _single(study: Study) -> float:
-    """Return the seconds of one solve from nothing, problem and programme included, the system given."""
+    """Return the seconds of one solve from nothing, problem and NLP included, the system given."""
     case = study.cases[len(study.cases) // 2]
     begun = time.perf_counter()
     problem, values = stated(study.function, case)
-    found = solve(problem, study.scheme or radau(3), study.grid or uniform(50), Ipopt(progress=False), values=values)
-    assert isinstance(found, Solution)
+    result = solve(problem, study.scheme or radau(3), study.grid or uniform(50), Ipopt(progress=False), values=values)
+    assert isinstance(result, Solution)
     return time.perf_counter() - begun
 
 

@@ -53,8 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     model = same_arm(pinocchio, arm)
     data = model.createData()
-    rnea, found = _timed(lambda: [pinocchio.rnea(model, data, q[k], v[k], a[k]).copy() for k in range(few)])
-    difference = np.max(np.abs(np.array(found) - table.tau[:few])) / np.max(np.abs(table.tau))
+    rnea, result = _timed(lambda: [pinocchio.rnea(model, data, q[k], v[k], a[k]).copy() for k in range(few)])
+    difference = np.max(np.abs(np.array(result) - table.tau[:few])) / np.max(np.abs(table.tau))
     pin = rnea * count / few
     print(f"Pinocchio {pinocchio.__version__:<10} {pin:8.2f} s (a loop, from {few}), {pin / spent:.1f} times as long")
     print(f"torques agree to     {difference:8.1e} of the largest")

@@ -46,13 +46,13 @@ class _View:
         table = self.table
         rest = [name for name in table.results if name != self.result and name not in SKIPPED]
         axes = [table[name][table.ok] for name in _numeric(table)]
-        found = [self.result]
+        results = [self.result]
         for name in sorted((n for n in rest if not n.startswith("d ")), key=lambda n: n.startswith(("rms", "peak"))):
             y = table[name][table.ok]
             varies = np.ptp(y) > 1e-3 * np.max(np.abs(y))
             if varies and not any(len(axes) > 1 and abs(np.corrcoef(x, y)[0, 1]) > FOLLOWS for x in axes):
-                found.append(name)
-        return found[:MOST]
+                results.append(name)
+        return results[:MOST]
 
 
 def draw(table: StudyTable, result: str, stem: Path, units: Mapping[str, str]) -> list[Path]:

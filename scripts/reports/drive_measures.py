@@ -28,15 +28,15 @@ def measures(solution: Solution) -> dict[str, float]:
     power = tau * v
     most = [np.max(np.abs(part), axis=0) for part in _signals(solution, np.concatenate([[0.0], places, [1.0]]))]
     mean = np.sqrt(weights @ tau**2 / solution.duration)
-    found = {"cost": float(solution.cost), "duration": float(solution.duration)}
+    results = {"cost": float(solution.cost), "duration": float(solution.duration)}
     for k, label in enumerate(system.label("tau", tau.shape[1])):
-        found[f"peak {label.name}"], found[f"rms {label.name}"] = float(most[0][k]), float(mean[k])
+        results[f"peak {label.name}"], results[f"rms {label.name}"] = float(most[0][k]), float(mean[k])
     for k, label in enumerate(system.label("v", v.shape[1])):
-        found[f"peak {label.name}"] = float(most[1][k])
-    found["work"] = float(weights @ np.sum(np.maximum(power, 0.0), axis=1))
-    found["net"] = float(weights @ np.sum(power, axis=1))
-    found["peak power"] = float(np.max(np.abs(np.sum(power, axis=1))))
-    return found
+        results[f"peak {label.name}"] = float(most[1][k])
+    results["work"] = float(weights @ np.sum(np.maximum(power, 0.0), axis=1))
+    results["net"] = float(weights @ np.sum(power, axis=1))
+    results["peak power"] = float(np.max(np.abs(np.sum(power, axis=1))))
+    return results
 
 
 def _signals(solution: Solution, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,9 +35,9 @@ def tabulate(solution: Solution | SequenceSolution, scene: Scene) -> tuple[np.nd
     for leg, begin in zip(legs, begins, strict=True):
         t, x, rate, u = leg.samples(leg.scheme.points)
         inputs = [x.T, rate.T, parameters(leg, len(t))] + ([u.T] if reason else [])
-        found = function.map(len(t))(*inputs)
+        result = function.map(len(t))(*inputs)
         times.append(begin + t)
-        rows.append(np.vstack([np.array(part) for part in found]).T.reshape(len(t), -1))
+        rows.append(np.vstack([np.array(part) for part in result]).T.reshape(len(t), -1))
     return np.concatenate(times), np.vstack(rows), reason
 
 

@@ -69,7 +69,7 @@ class SceneProblem:
 
 @functools.lru_cache(maxsize=64)
 def _scene(content: str, symbols: tuple[str, ...]) -> Scene:
-    """Return a scene; cases with the same one share its system, and with it the prepared programme."""
+    """Return a scene; cases with the same one share its system, and with it the prepared NLP."""
     return read_scene(Table("study", {}, "", json.loads(content)), symbols)
 
 
@@ -149,22 +149,22 @@ def units(study: Study) -> dict[str, str]:
     assert isinstance(problem, SceneProblem)
     case = study.cases[0]
     system = problem.at({name: case[name] for name in problem.others})[0].system
-    found = {"duration": "s", "work": "J", "net": "J", "peak power": "W"}
+    results = {"duration": "s", "work": "J", "net": "J", "peak power": "W"}
     for signal in ("tau", "v"):
         for label in system.label(signal, system[signal].numel()):
-            found |= {f"{kind} {label.name}": label.unit for kind in ("peak", "rms")}
+            results |= {f"{kind} {label.name}": label.unit for kind in ("peak", "rms")}
     for name, key in problem.keys:
         head, *rest = key.split(".")
         if head == "parameters":
-            found[name] = unit_of(rest[0])
+            results[name] = unit_of(rest[0])
         elif head == "effects":
             metadata = {field.name: field.metadata for field in fields(catalogue.effects()[rest[0]])}
-            found[name] = metadata[rest[1].removesuffix("_deg")].get("unit", "") if len(rest) == 2 else ""
+            results[name] = metadata[rest[1].removesuffix("_deg")].get("unit", "") if len(rest) == 2 else ""
         elif rest and rest[-1].isdigit():  # a component of a limit, or of the start or the goal
             signal = rest[0] if head == "limits" else "q"
             labels = system.label(signal, system[signal].numel()) if signal in system.signals else ()
-            found[name] = labels[int(rest[-1]) - 1].unit if int(rest[-1]) <= len(labels) else ""
-    return found
+            results[name] = labels[int(rest[-1]) - 1].unit if int(rest[-1]) <= len(labels) else ""
+    return results
 
 
 def changed(document: Table, changes: Mapping[str, Any]) -> Table:

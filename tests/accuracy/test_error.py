@@ -138,7 +138,7 @@ def test_multipliers_of_the_same_grid_are_those_of_the_solve(scheme):
     assert again.ok
     assert again.cost == pytest.approx(solution.cost, abs=1e-7)
     assert again.iterations < 0.7 * solution.iterations
-    rows = multipliers(cold.compound.programmes[0], solution)[1]
+    rows = multipliers(cold.joined.nlps[0], solution)[1]
     assert np.all(np.isfinite(rows))
 
 

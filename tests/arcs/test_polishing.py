@@ -149,8 +149,8 @@ def test_costates_of_a_touched_limit():
 def solved_arcs(limit, arcs, elements):
     problem = problems.bryson_denham(limit).problem
     guess = from_solution(solve(problem, grid=uniform(30)))
-    programme = prepare_arcs(arc_problem(problem, SIX, {}), arcs, elements, guess, SETTINGS)
-    return programme.solve(programme.start(guess, durations(arcs)))
+    nlp = prepare_arcs(arc_problem(problem, SIX, {}), arcs, elements, guess, SETTINGS)
+    return nlp.solve(nlp.start(guess, durations(arcs)))
 
 
 def test_multipliers_of_a_held_limit():

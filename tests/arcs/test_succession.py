@@ -177,11 +177,11 @@ def test_polish_keeps_the_limits_of_a_free_duration(side):
 
 
 def test_polish_leaves_nothing_to_its_barrier():
-    # With limits in the programme a touch is 1.2e-8 s late here; the cost does not show it.
+    # With limits in the NLP a touch is 1.2e-8 s late here; the cost does not show it.
     solution = polish(solve(motion("torus")))
     assert solution.structure[-1].kind is Kind.TOUCH
     task = arc_problem(solution.problem, solution.scheme, solution.values)
-    elements = next(iter(prepare_structure(solution).programmes.values())).elements
+    elements = next(iter(prepare_structure(solution).nlps.values())).elements
     finer = replace(SETTINGS, tol=1e-13)
     limited = prepare_arcs(task, solution.structure.arcs, elements, from_solution(solution), finer)
     arcs = limited.solve(limited.restart(solution)).arcs
@@ -352,9 +352,9 @@ def test_maximum_on_the_way_is_no_minimum():
         arcs = Arc((Kind.LOWER,), 0.4), Arc((Kind.UPPER,), 0.6)
         task = arc_problem(problem, legendre(3, Control.COLLOCATED), {})
         guess = straight_line(problem, [])
-        programme = prepare_arcs(task, arcs, (1, 1), guess, SETTINGS, limited=False)
-        assert programme.equations is not None
-        motion = programme.solve(programme.start(guess, durations(arcs)))
+        nlp = prepare_arcs(task, arcs, (1, 1), guess, SETTINGS, limited=False)
+        assert nlp.equations is not None
+        motion = nlp.solve(nlp.start(guess, durations(arcs)))
         assert (motion.answer.status is Status.SOLVED) is solved, motion.answer.verbatim
         if solved:
             assert [arc.duration for arc in motion.arcs] == pytest.approx([0.35, 0.65], abs=1e-12)

@@ -29,8 +29,8 @@ def test_hand_written_programmes_are_the_same_programme(name):
 def test_gathered_derivatives_are_those_of_casadi(name):
     case, n = CASES[name](), 3
     element = reference.describe(case, numbers(case, n, Ipopt()), n)
-    programme, functions = reference.by_elements(element, n)
-    x, f, g = programme["x"], programme["f"], programme["g"]
+    nlp, functions = reference.by_elements(element, n)
+    x, f, g = nlp["x"], nlp["f"], nlp["g"]
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     hessian = ca.triu(ca.hessian(lam_f * f + ca.dot(lam_g, g), x)[0])
     wanted = ca.Function("wanted", [x, lam_f, lam_g], [ca.gradient(f, x), g, ca.jacobian(g, x), hessian])

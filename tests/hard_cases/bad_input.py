@@ -14,9 +14,9 @@ from hard_cases.input_call import BAD, Call, Fault, answers, extremes
 Answers = Iterable[tuple[str, str, Fault | None]]
 
 
-def figure(found: Answers) -> Figure:
+def figure(result: Answers) -> Figure:
     """Return the number of answers that are not one sentence naming the argument, none of which is tolerated."""
-    faults = [fault for _, _, fault in found]
+    faults = [fault for _, _, fault in result]
     wrong = [fault for fault in faults if fault is not None]
     note = f"{len(faults)} bad values" + (f"; {wrong[0]}" if wrong else "")
     return Figure(float(len(wrong)), 0.0, note=note)
@@ -33,15 +33,15 @@ def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[F
 
 
 def _pairs() -> Iterator[Figure]:
-    for _, found in groupby(input_pairs.answers(), key=lambda answer: answer[0]):
-        yield figure(found)
+    for _, result in groupby(input_pairs.answers(), key=lambda answer: answer[0]):
+        yield figure(result)
 
 
 def _files() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         every = (*input_files.answers(Path(folder)), *input_stores.answers(Path(folder)))
-        for _, found in groupby(every, key=lambda answer: answer[0]):
-            yield figure(found)
+        for _, result in groupby(every, key=lambda answer: answer[0]):
+            yield figure(result)
 
 
 QUANTITY = f"answers to {len(BAD)} bad values of each argument that are not one sentence naming it"

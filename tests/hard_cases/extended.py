@@ -37,7 +37,7 @@ def extended(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], columns: Sequenc
     count = columns[0].shape[1]
     values = [np.asarray(column).astype(Extended) for column in columns]
     work: list[Array] = [np.zeros(0)] * function.sz_w()
-    found = [np.zeros((output.numel(), count), dtype=Extended) for output in dense]
+    results = [np.zeros((output.numel(), count), dtype=Extended) for output in dense]
     for k in range(function.n_instructions()):
         code, into, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
         if code == ca.OP_CONST:
@@ -45,10 +45,10 @@ def extended(inputs: Sequence[ca.SX], outputs: Sequence[ca.SX], columns: Sequenc
         elif code == ca.OP_INPUT:
             work[into[0]] = values[of[0]][of[1]]
         elif code == ca.OP_OUTPUT:
-            found[into[0]][into[1]] = work[of[0]]
+            results[into[0]][into[1]] = work[of[0]]
         else:
             work[into[0]] = OPERATIONS[code](*(work[i] for i in of))
-    return [part.reshape((*output.shape, count), order="F") for part, output in zip(found, dense, strict=True)]
+    return [part.reshape((*output.shape, count), order="F") for part, output in zip(results, dense, strict=True)]
 
 
 def solve(matrices: Array, right: Array) -> Array:

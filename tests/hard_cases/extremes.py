@@ -98,14 +98,14 @@ def exact(solution: Solution, optimum: float, tolerance: float, distance: float)
 
 def _coincide() -> Iterable[Figure]:
     for place in (0.0, 1e-6, 1.0, 1e6):
-        found = solve(point_to_point(carriage(), [place], [place], tau=1.0), grid=GRID)
-        yield Figure(found.duration, 0.0, place, note=found.message)
-        yield Figure(float("start and goal coincide" not in found.message or not verify(found).ok), 0.0, place)
+        result = solve(point_to_point(carriage(), [place], [place], tau=1.0), grid=GRID)
+        yield Figure(result.duration, 0.0, place, note=result.message)
+        yield Figure(float("start and goal coincide" not in result.message or not verify(result).ok), 0.0, place)
     for lower in (0.0, 1e-6, 1e-3, 0.05, 10.0):
-        found = solve(lift(0.0, 900.0, horizon=Free(max(lower, 1.0), lower=lower)), grid=GRID)
-        yield Figure(abs(found.duration - lower), LEFT * max(lower, 1.0), lower, note=found.message)
-        said = "lower limit" in found.message and verify(found).ok
-        yield Figure(float(not said), 0.0, lower, note="; ".join(verify(found).failures))
+        result = solve(lift(0.0, 900.0, horizon=Free(max(lower, 1.0), lower=lower)), grid=GRID)
+        yield Figure(abs(result.duration - lower), LEFT * max(lower, 1.0), lower, note=result.message)
+        said = "lower limit" in result.message and verify(result).ok
+        yield Figure(float(not said), 0.0, lower, note="; ".join(verify(result).failures))
 
 
 def _ways() -> Iterable[Figure]:
@@ -115,8 +115,8 @@ def _ways() -> Iterable[Figure]:
         )
     for way in 10.0 ** np.arange(-9.0, 0.0, 3.0):  # beside a position of one: rounding is a share of that
         target = (1.0 + way) - 1.0
-        found = solve(point_to_point(carriage(), [1.0], [1.0 + way], tau=1.0), grid=GRID)
-        yield from exact(found, shortest(target, 1.0), LEFT + 1e3 * np.finfo(float).eps / way, way)
+        result = solve(point_to_point(carriage(), [1.0], [1.0 + way], tau=1.0), grid=GRID)
+        yield from exact(result, shortest(target, 1.0), LEFT + 1e3 * np.finfo(float).eps / way, way)
 
 
 def _turns() -> Iterable[Figure]:
@@ -134,8 +134,8 @@ def _winding() -> Iterable[Figure]:
     for turns in (1e-3, 1e-1, 1.0, 3.0, 10.0):
         system = canonical(cylindrical(), [Gravity()])
         goal = [2.0 * np.pi * turns, 0.2, 0.6]
-        found = solve(point_to_point(system, [0.0, 0.2, 0.6], goal, tau=[150.0, 900.0, 300.0]), grid=GRID)
-        report = verify(found)
+        result = solve(point_to_point(system, [0.0, 0.2, 0.6], goal, tau=[150.0, 900.0, 300.0]), grid=GRID)
+        report = verify(result)
         words = "; ".join(report.failures)
         growth = float(np.exp(2.0 * np.pi * turns))
         yield Figure(float(not report.ok), 0.0, turns, growth, note=words or "verified")
@@ -158,16 +158,16 @@ def _balance() -> Iterable[Figure]:
 
 def _weaker() -> Iterable[Figure]:
     for excess in (0.0, -1e-9, -1e-6, -1e-3):
-        found = solve(lift(0.6, WEIGHT * (1.0 + excess)), grid=uniform(5), solver=Ipopt(max_iter=100))
-        named = excess > -1e-8 or "cannot hold the start" in found.message
-        yield Figure(float(not named), 0.0, abs(excess), note=found.message)
-        yield ended(found, abs(excess), np.inf)
+        result = solve(lift(0.6, WEIGHT * (1.0 + excess)), grid=uniform(5), solver=Ipopt(max_iter=100))
+        named = excess > -1e-8 or "cannot hold the start" in result.message
+        yield Figure(float(not named), 0.0, abs(excess), note=result.message)
+        yield ended(result, abs(excess), np.inf)
 
 
 def _limits() -> Iterable[Figure]:
     for limit in 10.0 ** np.arange(-9.0, 10.0, 3.0):
-        found = solve(point_to_point(carriage(), [0.0], [1.0], tau=limit), grid=GRID)
-        yield from exact(found, shortest(1.0, limit), LEFT, limit)
+        result = solve(point_to_point(carriage(), [0.0], [1.0], tau=limit), grid=GRID)
+        yield from exact(result, shortest(1.0, limit), LEFT, limit)
     for limit in 10.0 ** np.arange(3.0, 10.0, 3.0):
         for task in (
             point_to_point(carriage(), [0.0], [1.0], tau=1.0, q=limit),
@@ -182,9 +182,9 @@ def _idle() -> Iterable[Figure]:
     """One drive with a limit far from all others, its axis at rest: the lift decides."""
     optimum = shortest(0.6, 900.0, MASS, WEIGHT)
     for limit in (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9):
-        found = solve(lift(0.6, 900.0, (limit, 300.0)), grid=GRID)
+        result = solve(lift(0.6, 900.0, (limit, 300.0)), grid=GRID)
         # One switch inside an element of width h costs at most h^2 / 4 of the time, times the ratio of accelerations.
-        yield from exact(found, optimum, (1.0 / len(GRID)) ** 2 * (900.0 + WEIGHT) / (900.0 - WEIGHT), limit)
+        yield from exact(result, optimum, (1.0 / len(GRID)) ** 2 * (900.0 + WEIGHT) / (900.0 - WEIGHT), limit)
 
 
 def _effort() -> Iterable[Figure]:
@@ -194,10 +194,10 @@ def _effort() -> Iterable[Figure]:
         task = point_to_point(
             system, [0.0], [1.0], tau=limit, horizon=Fixed(1.0), minimise=Bolza(running=system["tau"] ** 2)
         )
-        found = solve(task, grid=uniform(40))
+        result = solve(task, grid=uniform(40))
         # Constants on n elements in place of a line cost 12 / n^2 more.
-        report = verify(found)
-        error = found.cost - 12.0 * (1.0 + 1.0 / 40**2) if report.ok else np.nan
+        report = verify(result)
+        error = result.cost - 12.0 * (1.0 + 1.0 / 40**2) if report.ok else np.nan
         yield Figure(error, 12.0 * 0.1 / 40**2, limit, note="; ".join(report.failures))
 
 
@@ -210,8 +210,8 @@ def _powerless() -> Iterable[Figure]:
         (lift(0.6, 900.0, (0.0, 0.0)), "all others at rest", lifted),
         (point_to_point(carriage(), [0.0], [1.0], tau=0.0), "the only one", np.inf),
     ):
-        found = solve(task, grid=uniform(10), solver=Ipopt(max_iter=100))
-        figure = ended(found, 0.0, optimum)
+        result = solve(task, grid=uniform(10), solver=Ipopt(max_iter=100))
+        figure = ended(result, 0.0, optimum)
         yield Figure(figure.value, 0.0, 0.0, note=f"{words}: {figure.note}")
 
 
@@ -223,12 +223,12 @@ def _at_limits() -> Iterable[Figure]:
     moving = (start(system["q"], 0.0), start(system["v"], 1.0), end(system["q"], 1.0), end(system["v"], 0.0))
     for slack in (0.0, 1e-9, 1e-6, 1e-3, 1.0):
         held = (along(system["tau"], -1.0, 1.0), along(system["v"], -(1.0 + slack), 1.0 + slack))
-        found = solve(Problem(system, Free(), Bolza(time=1.0), (*moving, *held)), grid=GRID)
+        result = solve(Problem(system, Free(), Bolza(time=1.0), (*moving, *held)), grid=GRID)
         # Speed 1 for a time, then the brake: 0.5 + 1 s; faster first if the limit allows: 2 sqrt(1.5) - 1 without one.
         top = min(1.0 + slack, np.sqrt(1.5))
         optimum = (top - 1.0) + (1.0 - (top**2 - 1.0) / 2.0 - top**2 / 2.0) / top + top
         # Two switches inside elements.
-        yield from exact(found, optimum, 2.0 / len(GRID) ** 2, slack)
+        yield from exact(result, optimum, 2.0 / len(GRID) ** 2, slack)
 
 
 CASES: tuple[Case, ...] = (

@@ -48,11 +48,11 @@ def _sizes() -> Iterable[Figure]:
 
 
 def _thousands() -> Iterable[Figure]:
-    found = solve(point_to_point(carriage(), [0.0], [1.0], tau=1.0), grid=uniform(5000))
-    yield from exact(found, 2.0, LEFT * 5000 / 20, 5000)
-    found = solve(lift(0.6, FORCE), grid=uniform(5000))
-    error = found.duration / shortest(0.6, FORCE, MASS, WEIGHT) - 1.0 if found.ok else np.nan
-    yield Figure(error, LEFT * 5000 / 20 + SLOPES / 5000**2, 5000, note=found.message)
+    result = solve(point_to_point(carriage(), [0.0], [1.0], tau=1.0), grid=uniform(5000))
+    yield from exact(result, 2.0, LEFT * 5000 / 20, 5000)
+    result = solve(lift(0.6, FORCE), grid=uniform(5000))
+    error = result.duration / shortest(0.6, FORCE, MASS, WEIGHT) - 1.0 if result.ok else np.nan
+    yield Figure(error, LEFT * 5000 / 20 + SLOPES / 5000**2, 5000, note=result.message)
 
 
 def crowded(place: float, share: float) -> Grid:
@@ -69,22 +69,22 @@ def _crowded() -> Iterable[Figure]:
         for place in (0.0, 0.3, 1.0 - share):
             grid = crowded(place, share)
             widest = float(np.max(grid.widths))
-            found = solve(lift(0.6, FORCE), grid=grid)
+            result = solve(lift(0.6, FORCE), grid=grid)
             # A switch inside an element of width h costs less than h^2 of the time, times the ratio of accelerations.
-            yield from exact(found, shortest(0.6, FORCE, MASS, WEIGHT), widest**2 * SLOPES, share)
+            yield from exact(result, shortest(0.6, FORCE, MASS, WEIGHT), widest**2 * SLOPES, share)
 
 
 def _tolerances() -> Iterable[Figure]:
     """The error of the duration follows the tolerance down to rounding."""
     task = point_to_point(carriage(), [0.0], [1.0], tau=1.0)
     for tol in (1e-6, 1e-8, 1e-10, 1e-12, 1e-13):
-        found = solve(task, grid=uniform(20), solver=Ipopt(tol=tol))
-        yield from exact(found, 2.0, 20 * 10 * tol + 1e3 * np.finfo(float).eps, tol)
+        result = solve(task, grid=uniform(20), solver=Ipopt(tol=tol))
+        yield from exact(result, 2.0, 20 * 10 * tol + 1e3 * np.finfo(float).eps, tol)
     for tol in (1e-3, 1e-16, 1e-18):
-        found = solve(task, grid=uniform(20), solver=Ipopt(tol=tol, max_iter=100))
-        yield ended(found, tol, 2.0)
-        named = found.ok or tol > 1e-13 or "below rounding" in found.message
-        yield Figure(float(not named), 0.0, tol, note=found.message)
+        result = solve(task, grid=uniform(20), solver=Ipopt(tol=tol, max_iter=100))
+        yield ended(result, tol, 2.0)
+        named = result.ok or tol > 1e-13 or "below rounding" in result.message
+        yield Figure(float(not named), 0.0, tol, note=result.message)
 
 
 def _singular() -> Iterable[Figure]:
@@ -95,10 +95,10 @@ def _singular() -> Iterable[Figure]:
         cost = Bolza(running=x**2)
         task = Problem(system, Fixed(3.0 * away), cost, (start(x, away), along(u, -1.0, 1.0)))
         for grid, tolerance in ((uniform(30), LEFT), (uniform(31), 3.0 / 31**2)):
-            found = solve(task, grid=grid)
-            report = verify(found)
-            error = found.cost / (away**3 / 3.0) - 1.0 if report.ok else np.nan
-            yield Figure(error, tolerance, away, note=f"{found.message} [{'; '.join(report.failures)}]")
+            result = solve(task, grid=grid)
+            report = verify(result)
+            error = result.cost / (away**3 / 3.0) - 1.0 if report.ok else np.nan
+            yield Figure(error, tolerance, away, note=f"{result.message} [{'; '.join(report.failures)}]")
         if round(np.log10(away)) % 3:
             continue
         # Polished, if that keeps the control within its limits between the points, or as it was.
@@ -131,8 +131,8 @@ def _around(offset: float, side: float) -> Solution:
     bump = side * np.sin(np.pi * share) ** 2
     x = np.stack([2.0 * share - 1.0, bump, np.full(21, 0.5), 0.0 * share], axis=1)
     guess = Guess(share, x, np.zeros((21, 2)), 4.0, np.zeros(0))
-    found: Solution = solve(passage(offset), grid=uniform(21), guess=guess)
-    return found
+    result: Solution = solve(passage(offset), grid=uniform(21), guess=guess)
+    return result
 
 
 def _two_ways() -> Iterable[Figure]:
@@ -144,8 +144,8 @@ def _two_ways() -> Iterable[Figure]:
         wrong = not (below.ok and above.ok and below.duration < above.duration)
         # Nearer than the tolerance of the solves nobody can tell them apart.
         yield Figure(float(wrong and offset > LEFT), 0.0, offset, note=f"{above.duration - below.duration:.2e} s apart")
-        for found in (below, above):
-            report = verify(found)
+        for result in (below, above):
+            report = verify(result)
             yield Figure(float(not report.ok), 0.0, offset, note="; ".join(report.failures))
 
 

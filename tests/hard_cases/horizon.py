@@ -98,9 +98,9 @@ def errors(swing: Swing, form: str, method: Method, steps: int) -> tuple[Array, 
     counts = np.unique(np.concatenate([np.arange(0, 101), np.arange(0, steps + 1, max(1, steps // 20_000))]))
     motion = simulate(system, x0, np.zeros(len(swing.q)), swing.step * counts, method=method)
     q, v = motion.signal("q"), motion.signal("v")
-    found, still = swing.conserved(q, v), swing.conserved(q, 0.0 * v)
-    size = np.concatenate([[np.ptp(still[:, 0])], np.abs(found[0, 1:])])
-    return counts, np.maximum.accumulate(np.abs(found - found[0]), axis=0) / size, motion.message
+    result, still = swing.conserved(q, v), swing.conserved(q, 0.0 * v)
+    size = np.concatenate([[np.ptp(still[:, 0])], np.abs(result[0, 1:])])
+    return counts, np.maximum.accumulate(np.abs(result - result[0]), axis=0) / size, motion.message
 
 
 def decades(swing: Swing, form: str, method: Method, steps: int, drifts: bool) -> Iterator[Figure]:
@@ -131,14 +131,14 @@ def order_of_the_bound(name: str, order: int) -> Iterator[Figure]:
     """Yield how far halving the step is from dividing the energy error by 2^order, over a hundred swings."""
     make = BOUNDED_METHODS[name]
     swing = hanging_torus()
-    found = []
+    results = []
     for part in (1, 2):
         shorter = Swing(swing.machine, swing.effects, swing.q, swing.v, swing.conserved, swing.step / part)
         _, every, _ = errors(shorter, "canonical", make(shorter.step), SETTLED * part)
-        found.append(float(every[-1, 0]))
+        results.append(float(every[-1, 0]))
     # The next term of the error is an order or two higher, with steps of a hundredth of a swing.
     yield Figure(
-        float(abs(np.log2(found[0] / found[1]) - order)), 0.5, note=f"order {np.log2(found[0] / found[1]):.2f}"
+        float(abs(np.log2(results[0] / results[1]) - order)), 0.5, note=f"order {np.log2(results[0] / results[1]):.2f}"
     )
 
 

@@ -75,8 +75,8 @@ def prepared() -> Prepared:
 @cache
 def solution() -> Solution:
     """Return its solution."""
-    found: Solution = prepared()()
-    return found
+    result: Solution = prepared()()
+    return result
 
 
 @cache
@@ -89,8 +89,8 @@ def sequence() -> Sequence:
 @cache
 def sequence_solution() -> SequenceSolution:
     """Return its solution."""
-    found: SequenceSolution = solve(sequence(), grid=uniform(3))
-    return found
+    result: SequenceSolution = solve(sequence(), grid=uniform(3))
+    return result
 
 
 @cache

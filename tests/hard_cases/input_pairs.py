@@ -148,10 +148,10 @@ def _turns(value: list[float], t: float) -> list[float]:
 
 
 def _reached(run: Callable[[], ocp.Trajectory]) -> object:
-    found = run()
-    if not found.ok:
-        raise ValueError(found.message)  # told by value, as an integration fails
-    return found
+    result = run()
+    if not result.ok:
+        raise ValueError(result.message)  # told by value, as an integration fails
+    return result
 
 
 class _Given:

@@ -89,8 +89,8 @@ def towards(make: Callable[[float, Array], tuple[Manipulator, Array, Array, Arra
     """Yield the worst error over random states at each distance; the tolerance is the rounding of every term."""
     for value in values:
         rng = np.random.default_rng(20260801)
-        found = [torque_error(*make(float(value), rng.uniform(-1.0, 1.0, 12))) for _ in range(STATES)]
-        worst = max(found)
+        results = [torque_error(*make(float(value), rng.uniform(-1.0, 1.0, 12))) for _ in range(STATES)]
+        worst = max(results)
         yield Figure(worst[0], OPERATIONS * EPS, float(value), worst[1])
 
 

@@ -144,8 +144,8 @@ def task(form: object, frame: str, goal: list[float]) -> Problem:
 @cache
 def solved(form: object) -> Solution:
     """Return the solution in the regular frame."""
-    found: Solution = solve(task(form, "regular", TO), radau(3), uniform(50))
-    return found
+    result: Solution = solve(task(form, "regular", TO), radau(3), uniform(50))
+    return result
 
 
 def optimal() -> Iterator[Figure]:
@@ -172,9 +172,9 @@ def optimal() -> Iterator[Figure]:
 def paper_fails() -> Iterator[Figure]:
     """Yield 0 where the frame of the source fails by value with the sentence that says why."""
     for form in FORMS:
-        found = solve(task(form, "paper", TO), radau(3), uniform(50))
-        named = not found.ok and "the frame 'paper' of the spherical manipulator is singular" in found.message
-        yield Figure(0.0 if named else 1.0, 0.0, note=f"{form.__name__}: {found.status.name}, {found.message}")
+        result = solve(task(form, "paper", TO), radau(3), uniform(50))
+        named = not result.ok and "the frame 'paper' of the spherical manipulator is singular" in result.message
+        yield Figure(0.0 if named else 1.0, 0.0, note=f"{form.__name__}: {result.status.name}, {result.message}")
 
 
 def paper_round() -> Iterator[Figure]:
@@ -182,10 +182,10 @@ def paper_round() -> Iterator[Figure]:
     best = solve(task(canonical, "regular", ROUND), radau(3), uniform(50))
     yield Figure(0.0 if best.ok and np.min(best.signal("q", best.t)[:, 0]) < 0.0 else 1.0, 0.0, note=str(best.duration))
     for form in (canonical, hamel):
-        found = solve(task(form, "paper", ROUND), radau(3), uniform(50), Ipopt(max_iter=60), (Smooth(),))
-        told = not found.ok and ("'paper'" in found.message or found.status.name == "LIMIT")
-        sound = found.ok and not verify(found).failures and found.duration >= best.duration - 1e-6
-        note = f"{form.__name__}: {found.status.name}, {found.duration:.6g} s, {found.message}"
+        result = solve(task(form, "paper", ROUND), radau(3), uniform(50), Ipopt(max_iter=60), (Smooth(),))
+        told = not result.ok and ("'paper'" in result.message or result.status.name == "LIMIT")
+        sound = result.ok and not verify(result).failures and result.duration >= best.duration - 1e-6
+        note = f"{form.__name__}: {result.status.name}, {result.duration:.6g} s, {result.message}"
         yield Figure(0.0 if told or sound else 1.0, 0.0, note=note)
 
 

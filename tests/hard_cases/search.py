@@ -150,7 +150,7 @@ def effects_against_inverse_dynamics(kind: str) -> Iterator[Figure]:
     accelerations of the form, against the torques of the form.
     """
     random = np.random.default_rng([3, list(KINDS).index(kind)])
-    found: dict[str, list[tuple[Array, Array]]] = {form: [] for form in FORMS}
+    results: dict[str, list[tuple[Array, Array]]] = {form: [] for form in FORMS}
     for _ in range(FOLDED):
         given = parameters(kind, random, random.uniform(0.0, 3.0))
         machine = KINDS[kind](**given)
@@ -158,8 +158,8 @@ def effects_against_inverse_dynamics(kind: str) -> Iterator[Figure]:
         points = states(machine, given, STATES, random)
         for form in FORMS:
             frames = [f for f in machine.frames if f != "paper"]
-            found[form].append(residual(machine, added, form, str(random.choice(frames)), points, random))
-    for form, parts in found.items():
+            results[form].append(residual(machine, added, form, str(random.choice(frames)), points, random))
+    for form, parts in results.items():
         error, condition = (np.concatenate(column) for column in zip(*parts, strict=True))
         yield worst(error, condition, f"{form}, random frames: {error.size} states, {FOLDED} machines")
 

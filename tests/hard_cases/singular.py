@@ -85,11 +85,11 @@ def solved() -> Iterator[Figure]:
         machine = make()
         for form in FORMS:
             task = point_to_point(form(machine, [Gravity()]), at, away, tau=400.0)
-            found = solve(task, radau(3), uniform(10), Ipopt(max_iter=40))
-            report = verify(found)
-            good = not found.ok and names(found.message, machine, coordinate, cure) and bool(report.failures)
-            good = good and bool(np.all(np.isfinite(found.states)) and np.all(np.isfinite(found.controls)))
-            yield Figure(0.0 if good else 1.0, 0.0, note=found.message)
+            result = solve(task, radau(3), uniform(10), Ipopt(max_iter=40))
+            report = verify(result)
+            good = not result.ok and names(result.message, machine, coordinate, cure) and bool(report.failures)
+            good = good and bool(np.all(np.isfinite(result.states)) and np.all(np.isfinite(result.controls)))
+            yield Figure(0.0 if good else 1.0, 0.0, note=result.message)
 
 
 def torques() -> Iterator[Figure]:
@@ -136,11 +136,11 @@ def kinematics() -> Iterator[Figure]:
     for machine in (cylindrical(), cylindrical(A=0.0), spherical(), torus(), torus(B=0.2)):
         assert machine.inverse is not None
         axis = np.array([[0.0, 0.0, 0.9], [0.15, 0.0, 0.2], [0.0, 0.0, 0.0]])
-        found = machine.inverse(axis)
+        result = machine.inverse(axis)
         for k in range(len(axis)):
-            free = bool(np.any(np.isnan(found.q[k][:, :2])))
-            told = bool(found.singularities(k) or found.why(k))
-            yield Figure(1.0 if free and not told else 0.0, 0.0, note="; ".join(found.singularities(k)))
+            free = bool(np.any(np.isnan(result.q[k][:, :2])))
+            told = bool(result.singularities(k) or result.why(k))
+            yield Figure(1.0 if free and not told else 0.0, 0.0, note="; ".join(result.singularities(k)))
         for start, end in (([0.5, 0.0, 0.6], [-0.5, 0.0, 0.6]), ([0.0, 0.0, 0.6], [0.0, 0.5, 0.6])):
             path = line(start, end)
             law = Motion.trapezoidal(0.0, path.length, 0.5, 2.0)

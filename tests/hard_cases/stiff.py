@@ -66,9 +66,9 @@ def coulomb(name: str) -> Iterator[Figure]:
             way = mp.mpf(MASS) / f * mp.quad(lambda s, w=w: s / mp.tanh(s / w), places)
             exact = np.array([float(way), float(v)])
         system = lagrange(cylindrical(), [Coulomb((0.0, f, 0.0), width)])
-        found, message = lift(system, {"v_xi": v0}, 0.0, time, method)
+        result, message = lift(system, {"v_xi": v0}, 0.0, time, method)
         stiffness = 1.0 + f * time / (MASS * width)  # how often the fastest mode dies out
-        yield Figure(float(np.max(np.abs(found - exact))), STEPS * tolerance, float(width), stiffness, message)
+        yield Figure(float(np.max(np.abs(result - exact))), STEPS * tolerance, float(width), stiffness, message)
 
 
 def elastic(name: str) -> Iterator[Figure]:
@@ -83,11 +83,11 @@ def elastic(name: str) -> Iterator[Figure]:
         rate = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / MASS, k / MASS, 0, 0], [k / rotor, -k / rotor, 0, 0]]
         exact = linear(rate, [0, 0, 0, force / rotor], [0.1, 0.1, 0.0, 0.0], time)
         system = canonical(cylindrical(), [ElasticDrive((None, k, None), (None, rotor, None))])
-        found, message = lift(system, {"xi": 0.1, "motor_q_xi": 0.1}, force, time, method)
+        result, message = lift(system, {"xi": 0.1, "motor_q_xi": 0.1}, force, time, method)
         radians = 1.0 + math.sqrt(k * (1.0 / MASS + 1.0 / rotor)) * time
         # f itself is uncertain by eps k |q| / rotor, which the swing turns into eps |q| for each of its radians.
         allowed = STEPS * tolerance * radians + 1e2 * EPS * radians
-        yield Figure(abs(float(exact[0] - found[0])), allowed, 1.0 / k, radians, message)
+        yield Figure(abs(float(exact[0] - result[0])), allowed, 1.0 / k, radians, message)
 
 
 def lagged(name: str) -> Iterator[Figure]:
@@ -98,8 +98,8 @@ def lagged(name: str) -> Iterator[Figure]:
         rate: list[list[float]] = [[0, 1, 0], [0, 0, 1 / MASS], [0, 0, -1 / lag]]
         exact = linear(rate, [0, 0, force / lag], [0.0, 0.0, -100.0], time)
         system = canonical(cylindrical(), [LaggedDrive((None, lag, None))])
-        found, message = lift(system, {"drive_tau_xi": -100.0}, force, time, method)
-        far = max(abs(float(e - a)) for e, a in zip(exact, found, strict=False))
+        result, message = lift(system, {"drive_tau_xi": -100.0}, force, time, method)
+        far = max(abs(float(e - a)) for e, a in zip(exact, result, strict=False))
         yield Figure(far, STEPS * tolerance * force / MASS, float(lag), 1.0 + time / lag, message)
 
 
@@ -113,8 +113,8 @@ def motor(name: str) -> Iterator[Figure]:
         rate: list[list[float]] = [[0, 1, 0], [0, 0, gain / MASS], [0, -gain / inductance, -resistance / inductance]]
         exact = linear(rate, [0, 0, voltage / inductance], [0.0, 0.0, 0.0], time)
         drive = MotorDrive((None, constant, None), (None, resistance, None), (None, inductance, None), ratio)
-        found, message = lift(canonical(cylindrical(), [drive]), {}, voltage, time, method)
-        far = max(abs(float(e - a)) for e, a in zip(exact, found, strict=False))
+        result, message = lift(canonical(cylindrical(), [drive]), {}, voltage, time, method)
+        far = max(abs(float(e - a)) for e, a in zip(exact, result, strict=False))
         # The current is known to a tolerance of its size, 96 A, and moves the lift with gain / M for each.
         allowed = STEPS * tolerance * voltage / resistance * gain / MASS
         yield Figure(far, allowed, float(tau), 1.0 + time / tau, message)
@@ -141,8 +141,8 @@ def stop(name: str) -> Iterator[Figure]:
         motion = simulate(lagrange(cylindrical(A=0.0), [effect]), begun, np.zeros(3), [time], method=method)
         # The time of a step is lost or won against that of the contact, in which the speed turns around.
         allowed = (STEPS * tolerance + 1e-5) * speed
-        found = float(motion.signal("v")[0, 2])
-        yield Figure(abs(found - after), allowed, 1.0 / k, 1.0 + speed / depth * time, motion.message)
+        result = float(motion.signal("v")[0, 2])
+        yield Figure(abs(result - after), allowed, 1.0 / k, 1.0 + speed / depth * time, motion.message)
 
 
 def sticking() -> Iterator[Figure]:

@@ -27,8 +27,8 @@ def motion(effect: Effect, limited: str, limit: list[float], iterations: int = 4
     """Return the time-optimal motion on 20 elements of radau(3), implicit and L-stable."""
     system = canonical(cylindrical(), [Gravity(), effect])
     task = point_to_point(system, [0.0, 0.0, 0.5], [1.0, 0.3, 0.8], **{limited: limit})  # type: ignore[arg-type]
-    found: Solution = solve(task, radau(3), uniform(20), Ipopt(max_iter=iterations))
-    return found
+    result: Solution = solve(task, radau(3), uniform(20), Ipopt(max_iter=iterations))
+    return result
 
 
 def lag(value: float) -> tuple[Solution, float]:
@@ -55,9 +55,9 @@ def to_the_limit(make: Callable[[float], tuple[Solution, float]], values: list[f
     """Yield how far t_f is from that of the most degenerate motion [s]."""
     reference, rest = make(last)
     for value in values:
-        found, allowed = make(value)
-        far = abs(found.duration - reference.duration) if found.ok and reference.ok else math.nan
-        yield Figure(far, SOLVED + allowed + rest, value, note=found.message)
+        result, allowed = make(value)
+        far = abs(result.duration - reference.duration) if result.ok and reference.ok else math.nan
+        yield Figure(far, SOLVED + allowed + rest, value, note=result.message)
 
 
 def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]) -> Iterator[Figure]:
@@ -66,12 +66,12 @@ def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]
     A solution that is not verified must say why; one without a reason counts as 1.
     """
     for value in values:
-        found, _ = make(value)
-        report = verify(found)
-        assert found.problem is not None
-        system, nodes = found.problem.system, found.nodes
-        again = simulate(system, found.states[0, 0], found, nodes, method=integrators.radau_5(1e-9, 1e-9))
-        away = np.abs(again.x - found.x(nodes)) / extent(found, found.problem)[0]
+        result, _ = make(value)
+        report = verify(result)
+        assert result.problem is not None
+        system, nodes = result.problem.system, result.nodes
+        again = simulate(system, result.states[0, 0], result, nodes, method=integrators.radau_5(1e-9, 1e-9))
+        away = np.abs(again.x - result.x(nodes)) / extent(result, result.problem)[0]
         names = list(map(str, system.x.elements()))
         drift = float(np.max(away[:, names.index(report.drift.what)]))
         said = report.ok or (bool(report.failures) and all(report.failures))
@@ -83,10 +83,10 @@ def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]
 def told(effect: Callable[[float], Effect], limited: str, values: list[float], most: int) -> Iterator[Figure]:
     """Yield 0 for motions that end, after so many iterations at most, verified or with a reason in words, else 1."""
     for k in values:
-        found = motion(effect(k), limited, LIMIT, iterations=most)
-        report = verify(found)
-        words = "verified" if report.ok else f"{found.status.name.lower()}: {report.failures[0]}"
-        said = (report.ok and found.ok) or (bool(report.failures) and bool(found.message))
+        result = motion(effect(k), limited, LIMIT, iterations=most)
+        report = verify(result)
+        words = "verified" if report.ok else f"{result.status.name.lower()}: {report.failures[0]}"
+        said = (report.ok and result.ok) or (bool(report.failures) and bool(result.message))
         yield Figure(0.0 if said else 1.0, 0.0, 1.0 / k, note=words)
 
 

@@ -104,10 +104,10 @@ def test_numbers_of_extreme_size_are_refused_or_taken_without_nan(name):
 
 
 def test_parts_that_do_not_belong_together_are_refused_in_one_sentence():
-    found = list(input_pairs.answers())
-    faults = [str(fault) for _, _, fault in found if fault is not None]
+    result = list(input_pairs.answers())
+    faults = [str(fault) for _, _, fault in result if fault is not None]
     assert not faults, "\n".join(faults)
-    assert len(found) > 70
+    assert len(result) > 70
 
 
 def test_broken_files_are_refused_in_one_sentence(tmp_path):
@@ -119,9 +119,9 @@ def test_broken_files_are_refused_in_one_sentence(tmp_path):
 
 
 def test_broken_stores_are_refused_in_one_sentence(tmp_path):
-    found = list(input_stores.answers(tmp_path))
-    assert len(found) > 70
-    faults = [str(fault) for _, _, fault in found if fault is not None]
+    result = list(input_stores.answers(tmp_path))
+    assert len(result) > 70
+    faults = [str(fault) for _, _, fault in result if fault is not None]
     assert not faults, "\n".join(faults)
     good = tmp_path / "good.db"
     good.write_bytes(input_stores._good())

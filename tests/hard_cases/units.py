@@ -17,7 +17,7 @@ from ocp import Bolza, Free, Ipopt, Problem, Solution, System, point_to_point, p
 
 GRID = uniform(40)
 TOL = Ipopt().tol
-COST = 8.0  # magnitude of the cost in the programme (ocp.scaling)
+COST = 8.0  # magnitude of the cost in the NLP (ocp.scaling)
 SHARE = np.linspace(0.0, 1.0, 21)
 
 
@@ -96,26 +96,26 @@ MOTIONS = {
 
 @cache
 def _reference(name: str) -> Solution:
-    found: Solution = solve(MOTIONS[name].problem(SI, Free()), grid=GRID)
-    return found
+    result: Solution = solve(MOTIONS[name].problem(SI, Free()), grid=GRID)
+    return result
 
 
 def _figures(name: str, units: Units, distance: float, words: str, horizon: Free) -> Iterable[Figure]:
     """Yield how far the motion, its cost and its iterations are from those in SI."""
     motion, known = MOTIONS[name], _reference(name)
-    found = solve(motion.problem(units, horizon), grid=GRID)
+    result = solve(motion.problem(units, horizon), grid=GRID)
     # Each limit leaves at most the tolerance of complementarity, and they add up.
-    programme = len(GRID) * (2 * known.controls.shape[2] + 6 * known.states.shape[2])
-    left = programme * TOL / COST
-    apart = abs(found.cost / units.time / known.cost - 1.0)
+    nlp = len(GRID) * (2 * known.controls.shape[2] + 6 * known.states.shape[2])
+    left = nlp * TOL / COST
+    apart = abs(result.cost / units.time / known.cost - 1.0)
     yield Figure(apart, left, distance, note=f"{words}: cost")
-    q = found.signal("q", SHARE * found.duration) / motion.coordinates(units)
+    q = result.signal("q", SHARE * result.duration) / motion.coordinates(units)
     far = float(np.max(np.abs(q - known.signal("q", SHARE * known.duration))))
     # Near an optimum the cost grows at least with the square of the distance.
     yield Figure(far, float(np.sqrt(left)), distance, note=f"{words}: q")
-    more = max(found.iterations / known.iterations, known.iterations / found.iterations)
-    yield Figure(more - 1.0, 1.0, distance, note=f"{words}: {found.iterations} iterations, {known.iterations} in SI")
-    report = verify(found)
+    more = max(result.iterations / known.iterations, known.iterations / result.iterations)
+    yield Figure(more - 1.0, 1.0, distance, note=f"{words}: {result.iterations} iterations, {known.iterations} in SI")
+    report = verify(result)
     yield Figure(float(not report.ok), 0.0, distance, note=f"{words}: {'; '.join(report.failures) or 'verified'}")
 
 
@@ -139,10 +139,10 @@ def _lengths(name: str) -> Iterable[Figure]:
 def _polished(name: str) -> Iterable[Figure]:
     known = polish(_reference(name))
     for words, units in SYSTEMS.items():
-        found = polish(solve(MOTIONS[name].problem(units, Free(guess=units.time)), grid=GRID))
-        ratio = found.duration / units.time / known.duration - 1.0 if found.structure is not None else np.nan
+        result = polish(solve(MOTIONS[name].problem(units, Free(guess=units.time)), grid=GRID))
+        ratio = result.duration / units.time / known.duration - 1.0 if result.structure is not None else np.nan
         # 32 elements of six points at most, every control with two limits, each to 1e-10 of the cost.
-        yield Figure(ratio, 32 * 6 * 8 * 1e-10, units.length, note=f"{words}: {found.message}")
+        yield Figure(ratio, 32 * 6 * 8 * 1e-10, units.length, note=f"{words}: {result.message}")
 
 
 def _case(

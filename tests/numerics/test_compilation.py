@@ -107,8 +107,8 @@ def test_programme_and_solution_are_the_same(cache, known):
     assert plain.compilations == ()
     assert [made.note for made in fast.compilations] == [""]
     assert len(libraries(cache)) == 1
-    names = sorted(plain.compound.derivatives)
-    check_values([fast.compound.derivatives[n] for n in names], [plain.compound.derivatives[n] for n in names])
+    names = sorted(plain.joined.derivatives)
+    check_values([fast.joined.derivatives[n] for n in names], [plain.joined.derivatives[n] for n in names])
     one, other = plain(guess), fast(guess)
     assert one.ok
     assert other.ok
@@ -131,7 +131,7 @@ def test_phases_of_a_sequence_are_compiled(cache):
 
 @needs_compiler
 def test_other_limits_use_the_same_programme(cache):
-    """A compiled programme takes parameter values, limits and ends as any other does."""
+    """A compiled NLP takes parameter values, limits and ends as any other does."""
     arm = canonical(spherical(), [Gravity()])
     task = point_to_point(arm, [0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], tau=[260.0, 160.0, 3.0, 400.0])
     nearer = point_to_point(arm, [0.9, 0.0, 0.0, 0.85], [1.6, 1.8, 0.4, 0.9], tau=[200.0, 150.0, 3.0, 380.0])

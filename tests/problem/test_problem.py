@@ -1,4 +1,4 @@
-"""Problems as values: what is refused and how, free parameters, prepared programmes, limits, guesses, scaling."""
+"""Problems as values: what is refused and how, free parameters, prepared NLPs, limits, guesses, scaling."""
 
 from dataclasses import replace
 

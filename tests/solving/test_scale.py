@@ -180,6 +180,6 @@ def test_polish_refuses_a_control_beyond_its_limits_between_points() -> None:
 
 
 def test_scales_of_cost_and_limits_are_powers_of_two() -> None:
-    scaling = prepare(around(1e-3, 1e3), grid=GRID).compound.programmes[0].scaling
+    scaling = prepare(around(1e-3, 1e3), grid=GRID).joined.nlps[0].scaling
     for size in (scaling.cost, *np.concatenate(scaling.limits)):
         assert np.log2(size) == round(np.log2(size))

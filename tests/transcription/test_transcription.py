@@ -1,4 +1,4 @@
-"""The programme: its derivatives against CasADi's own, its rows against plain numpy, its costates against calculus."""
+"""The NLP: its derivatives against CasADi's own, its rows against plain numpy, its costates against calculus."""
 
 from dataclasses import replace
 from itertools import product
@@ -93,19 +93,19 @@ def parameters(problem):
 
 @pytest.mark.parametrize(("problem", "name", "degree", "control"), CASES)
 def test_derivatives_are_those_of_the_programme(problem, name, degree, control):
-    programme = programme_of(PROBLEMS[problem](), name, degree, control)
-    z, s, f, g = (programme.nlp[key] for key in ("x", "p", "f", "g"))
+    nlp = programme_of(PROBLEMS[problem](), name, degree, control)
+    z, s, f, g = (nlp.expressions[key] for key in ("x", "p", "f", "g"))
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     curvature = ca.hessian(lam_f * f + ca.dot(lam_g, g), z)[0]
     expected = ca.Function("ad", [z, s, lam_f, lam_g], [f, g, ca.gradient(f, z), ca.jacobian(g, z), ca.triu(curvature)])
     rng = np.random.default_rng(5)
     for _ in range(3):
-        at = rng.uniform(0.2, 1.0, z.numel()), parameters(programme.problem)
+        at = rng.uniform(0.2, 1.0, z.numel()), parameters(nlp.problem)
         multipliers = rng.normal(), rng.normal(size=g.numel())
         cost, rows, gradient, jacobian, hessian = (np.array(part) for part in expected(*at, *multipliers))
-        found_cost, found_gradient = programme.derivatives["grad_f"](*at)
-        found_rows, found_jacobian = programme.derivatives["jac_g"](*at)
-        found_hessian = programme.derivatives["hess_lag"](*at, *multipliers)
+        found_cost, found_gradient = nlp.derivatives["grad_f"](*at)
+        found_rows, found_jacobian = nlp.derivatives["jac_g"](*at)
+        found_hessian = nlp.derivatives["hess_lag"](*at, *multipliers)
         for found, wanted in (
             (found_cost, cost),
             (found_rows, rows),
@@ -155,10 +155,11 @@ def reach_by_numpy(x, p):
 @pytest.mark.parametrize("case", BY_HAND, ids=lambda case: case[0])
 def test_rows_and_cost_by_hand(case, control):
     problem = coupled(Free(1.5), free_parameter=True)
-    programme = programme_of(problem, *case, control)
+    nlp = programme_of(problem, *case, control)
     ends, duration, p = np.array([0.0, 1.0]), 1.7, (VALUES[0], 0.8)
-    z = pack(programme, Guess(ends, *line(ends), duration, np.array([p[1]])), VALUES)
-    function = ca.Function("fg", [programme.nlp["x"], programme.nlp["p"]], [programme.nlp["f"], programme.nlp["g"]])
+    z = pack(nlp, Guess(ends, *line(ends), duration, np.array([p[1]])), VALUES)
+    x, s, f, g = (nlp.expressions[key] for key in ("x", "p", "f", "g"))
+    function = ca.Function("fg", [x, s], [f, g])
     cost, rows = (np.array(part).ravel() for part in function(z, parameters(problem)))
 
     nodes, points, weights, state, by_rate = (np.array(part) for part in BY_HAND[case])
@@ -183,23 +184,23 @@ def test_rows_and_cost_by_hand(case, control):
     first, last = line(0.0)[0], line(1.0)[0]
     first_u = line(shape(GRID.ends[0], GRID.ends[1], 0.0))[1]
     assert cost == pytest.approx(integral + last[1] ** 3 * last[0] + p[0] + 0.7 * duration, rel=1e-13)
-    found = rows[programme.defects] * programme.scaling.x
+    found = rows[nlp.defects] * nlp.scaling.x
     np.testing.assert_allclose(found, defects, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(rows[programme.path[0]], power, rtol=0, atol=1e-13)
-    np.testing.assert_allclose(rows[programme.path[1]], reach, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(rows[nlp.path[0]], power, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(rows[nlp.path[1]], reach, rtol=0, atol=1e-13)
     expected = [power_by_numpy(first, first_u, p)] if control is Control.LINEAR else []
     expected += [reach_by_numpy(first, p), last[0] * last[2], first_u[0] * 0.4]
-    np.testing.assert_allclose(rows[programme.ends], expected, rtol=0, atol=1e-13)
-    assert programme.rows == len(rows)
+    np.testing.assert_allclose(rows[nlp.ends], expected, rtol=0, atol=1e-13)
+    assert nlp.rows == len(rows)
 
 
 @pytest.mark.parametrize("control", Control)
 @pytest.mark.parametrize("case", BY_HAND, ids=lambda case: case[0])
 def test_pack_and_unpack(case, control):
-    programme = programme_of(coupled(Free(1.5), free_parameter=True), *case, control)
+    nlp = programme_of(coupled(Free(1.5), free_parameter=True), *case, control)
     ends = np.array([0.0, 1.0])
-    z = pack(programme, Guess(ends, *line(ends), 1.7, np.array([0.8])), VALUES)
-    motion = unpack(programme, z, np.zeros(programme.rows), np.zeros(len(z)), VALUES)
+    z = pack(nlp, Guess(ends, *line(ends), 1.7, np.array([0.8])), VALUES)
+    motion = unpack(nlp, z, np.zeros(nlp.rows), np.zeros(len(z)), VALUES)
     assert motion.duration == 1.7
     assert motion.free == {"b": 0.8}
     assert motion.values == {"a": 0.7, "b": 0.8}
@@ -211,9 +212,9 @@ def test_pack_and_unpack(case, control):
 
 
 def test_limits_become_bounds_in_scaled_units():
-    programme = programme_of(coupled(Free(1.5, 0.5, 6.0), free_parameter=True), "radau", 2, Control.CONSTANT)
-    low, high, rows_low, rows_high = bounds(programme)
-    layout, scaling = programme.layout, programme.scaling
+    nlp = programme_of(coupled(Free(1.5, 0.5, 6.0), free_parameter=True), "radau", 2, Control.CONSTANT)
+    low, high, rows_low, rows_high = bounds(nlp)
+    layout, scaling = nlp.layout, nlp.scaling
     np.testing.assert_array_equal(low[layout.control] * scaling.u, np.broadcast_to([-2.0, -3.0], (3, 1, 2)))
     np.testing.assert_array_equal(high[layout.control] * scaling.u, np.broadcast_to([2.0, 3.0], (3, 1, 2)))
     np.testing.assert_array_equal(low[layout.state[0, 0]] * scaling.x, [0.3, 0.4, 0.5])
@@ -222,13 +223,13 @@ def test_limits_become_bounds_in_scaled_units():
     assert (low[layout.state[-1, -1, 0]], high[layout.state[-1, -1, 0]]) == (0.5, 0.5)
     assert (low[layout.horizon[0]] * 2.0, high[layout.horizon[0]] * 2.0) == (0.5, 6.0)
     assert (low[layout.free[0]] * 0.5, high[layout.free[0]] * 0.5) == (0.5, 2.0)
-    assert not np.any(rows_low[programme.defects])
-    assert not np.any(rows_high[programme.defects])
-    for rows, sides in zip(programme.path, [(-9.0, 9.0), (-np.inf, 50.0)], strict=True):
+    assert not np.any(rows_low[nlp.defects])
+    assert not np.any(rows_high[nlp.defects])
+    for rows, sides in zip(nlp.path, [(-9.0, 9.0), (-np.inf, 50.0)], strict=True):
         assert set(rows_low[rows].ravel()) == {sides[0]}
         assert set(rows_high[rows].ravel()) == {sides[1]}
-    np.testing.assert_array_equal(rows_low[programme.ends], [-np.inf, 0.1, -5.0])
-    np.testing.assert_array_equal(rows_high[programme.ends], [50.0, 7.0, 5.0])
+    np.testing.assert_array_equal(rows_low[nlp.ends], [-np.inf, 0.1, -5.0])
+    np.testing.assert_array_equal(rows_high[nlp.ends], [50.0, 7.0, 5.0])
 
 
 X0, T = 1.4, 2.0
@@ -300,9 +301,9 @@ def test_solution_as_guess_keeps_the_motion(make, control):
     problem = regulator(limit=900.0)
     solution = solve(problem, make(3, control), uniform(10))
     assert np.ptp(solution.states) > 1.0
-    programme = transcribe(problem, make(3, control), uniform(10), unscaled(problem, 0))
-    z = pack(programme, from_solution(solution), [])
-    again = unpack(programme, z, np.zeros(programme.rows), np.zeros(len(z)), [])
+    nlp = transcribe(problem, make(3, control), uniform(10), unscaled(problem, 0))
+    z = pack(nlp, from_solution(solution), [])
+    again = unpack(nlp, z, np.zeros(nlp.rows), np.zeros(len(z)), [])
     np.testing.assert_allclose(again.states, solution.states, rtol=0, atol=1e-6)
     # Where two elements meet, a polynomial control has two values, of which a guess can hold the middle only.
     nodes = solution.scheme.control_nodes

@@ -79,13 +79,13 @@ def example(name: str) -> str:
 
 def messages() -> list[tuple[str, str]]:
     """Return what the user is told about every broken file."""
-    found = []
+    results = []
     for name, old, new in BROKEN:
         try:
             task_file.of_text(SOUND.replace(old, new, 1), "arm.toml")
         except SceneError as error:
-            found.append((name, str(error)))
-    return found
+            results.append((name, str(error)))
+    return results
 
 
 def main() -> None:

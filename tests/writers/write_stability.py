@@ -78,16 +78,16 @@ def measured(numbers: Sequence[int], jobs: int, quiet: bool) -> list[Finding]:
         jobs: processes at once.
         quiet: whether to show no progress.
     """
-    found = []
+    results = []
     with ProcessPoolExecutor(max(jobs, 1), multiprocessing.get_context("spawn")) as pool:
         for done, outcome in enumerate(sweep(plainly, [{"number": n} for n in numbers], pool), 1):
             case = CASES[outcome.case["number"]]
             figures, seconds = outcome.value if outcome.value is not None else ((), outcome.seconds)
-            found.append(Finding(case, tuple(figures), seconds))
+            results.append(Finding(case, tuple(figures), seconds))
             if not quiet:
-                verdict = "passed" if found[-1].passed else "outside" if case.outside else f"FAILED {outcome.error}"
+                verdict = "passed" if results[-1].passed else "outside" if case.outside else f"FAILED {outcome.error}"
                 print(f"{done:4d}/{len(numbers)}  {seconds:6.1f} s  {verdict:8s}  {case}", file=sys.stderr, flush=True)
-    return found
+    return results
 
 
 def plainly(number: int) -> tuple[tuple[object, ...], float]:
