@@ -14,8 +14,8 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.accuracy import Errors
-from ocp.solution.attached_problem import with_model
-from ocp.solution.integration_drift import MORE, _accumulated, _parameters, _propagated
+from ocp.solution.attached_problem import with_problem
+from ocp.solution.integration_drift import MORE, _accumulated, _propagated
 from ocp.solution.solution import Solution, Status
 
 PANELS, PER_PANEL = 8, 3  # of every element, for integrands with kinks
@@ -50,7 +50,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     Source: Becker, Rannacher, An optimal control approach to a posteriori error estimation in finite element methods,
         Acta Numerica 10 (2001); Cao, Petzold, SIAM J. Sci. Comput. 26 (2004), for initial value problems.
     """
-    problem = with_model("estimate", solution, problem)
+    solution, problem = with_problem("estimate", solution, problem)
     count, nx = len(solution.grid), solution.states.shape[2]
     labels = problem.system.label("x", nx)
     converged = solution.status in (Status.SOLVED, Status.ACCEPTABLE)
@@ -113,7 +113,7 @@ def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, A
     nodes, weights = polynomials.leggauss(scheme.degree + MORE)
     outputs = [ca.densify(running), ca.densify(ca.jacobian(running, system.x))]
     function = ca.Function("running", [system.x, system.u, system.p], outputs)
-    p = _parameters(solution, problem)
+    p = solution.parameters[:, None]
     _, x, _, u = solution.samples((nodes + 1.0) / 2.0)
     price, price_slope = (np.array(o) for o in function.map(len(x))(x.T, u.T, np.tile(p, len(x))))
     exact = price.reshape(count, m) @ (weights / 2.0)

@@ -12,6 +12,7 @@ from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.numerics.polynomials import slope_matrix
 from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.transcription.schemes.scheme import Control
@@ -71,8 +72,7 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     if not len(low):
         return as_it_is
     _, x, _, u = solution.samples(scheme.points)
-    p = problem.system.values({n: v for n, v in solution.values.items() if n in problem.system.nominal})
-    given = x.T, u.T, np.tile(np.array(p)[:, None], len(x)), solution.costates.reshape(len(x), nx).T
+    given = x.T, u.T, np.tile(solution.parameters[:, None], len(x)), solution.costates.reshape(len(x), nx).T
     shapes: tuple[tuple[int, ...], ...] = ((len(low),), (len(low), nx), (nu,), (nu, len(low)))
     values, gradients, slopes, authority = (
         np.array(part).T.reshape(count, d, *shape)
@@ -126,9 +126,8 @@ def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
     None where H is curved in the controls.
     """
     system, rows = problem.system, []
-    costate = ca.SX.sym("lambda", system.x.numel())
-    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
-    if not ca.hessian(hamiltonian, system.u)[0].is_zero():
+    H = hamiltonian(problem)
+    if not H.curvature.is_zero():
         return ca.Function(), np.zeros(0), np.zeros(0)
     for constraint in problem.subject_to:
         if constraint.where is not Where.ALONG:
@@ -139,10 +138,8 @@ def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
             if of_states and finite and ca.depends_on(ca.jtimes(expression, system.x, system.rate), system.u):
                 rows.append((expression, constraint.lower[c], constraint.upper[c]))
     limits = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
-    gradients, slopes = ca.jacobian(limits, system.x), ca.gradient(hamiltonian, system.u)
+    gradients = ca.jacobian(limits, system.x)
     authority = ca.jacobian(ca.mtimes(gradients, system.rate), system.u)
-    outputs = [limits, ca.vec(gradients.T), slopes, ca.vec(authority)]
-    function = ca.Function(
-        "limits", [system.x, system.u, system.p, costate], ca.cse([ca.densify(one) for one in outputs])
-    )
+    outputs = [limits, ca.vec(gradients.T), H.slope, ca.vec(authority)]
+    function = ca.Function("limits", list(H.arguments), ca.cse([ca.densify(one) for one in outputs]))
     return function, np.array([row[1] for row in rows]), np.array([row[2] for row in rows])

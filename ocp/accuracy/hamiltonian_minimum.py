@@ -9,6 +9,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
+from ocp.problem.hamiltonian import Hamiltonian, hamiltonian
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
@@ -44,10 +45,9 @@ def minimise(solution: Solution, problem: Problem, tau: Array) -> Minimum:
     Source: Pontryagin et al., The Mathematical Theory of Optimal Processes; Nocedal, Wright, Numerical Optimization,
         19.3.
     """
-    system = problem.system
     _, x, _, u = solution.samples(tau)
     costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates).reshape(x.shape)
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    p = solution.parameters
     fixed = (x.T, np.tile(p[:, None], len(x)), costates.T)
     low, high = _box(problem, solution)
     value, size = (np.array(part)[0] for part in _sizes(problem, len(x))(u.T, *fixed))
@@ -85,27 +85,24 @@ def _box(problem: Problem, solution: Solution) -> tuple[Array, Array]:
     return np.where(np.isfinite(low), low, least - reach), np.where(np.isfinite(high), high, most + reach)
 
 
-def _symbols(problem: Problem) -> tuple[ca.SX, list[ca.SX], ca.SX]:
-    system = problem.system
-    costate = ca.SX.sym("lambda", system.x.numel())
-    value = ca.dot(costate, system.rate) + problem.minimise.running
-    return value, [system.u, system.x, system.p, costate], costate
+def _symbols(problem: Problem) -> tuple[Hamiltonian, list[ca.SX]]:
+    H = hamiltonian(problem)
+    x, u, p, costate = H.arguments
+    return H, [u, x, p, costate]
 
 
 def _sizes(problem: Problem, places: int) -> ca.Function:
-    value, arguments, costate = _symbols(problem)
-    terms = ca.dot(ca.fabs(costate), ca.fabs(problem.system.rate)) + ca.fabs(problem.minimise.running)
-    return ca.Function("sizes", arguments, [ca.densify(value), ca.densify(terms)]).map(places)
+    H, arguments = _symbols(problem)
+    return ca.Function("sizes", arguments, [ca.densify(H.value), ca.densify(H.terms)]).map(places)
 
 
 def _model(problem: Problem, limits: list[tuple[int, int]], places: int) -> ca.Function:
     """Return the function (u, x, p, lambda) -> H, its slope and curvature in u, the limits and theirs."""
-    value, arguments, _ = _symbols(problem)
+    H, arguments = _symbols(problem)
     u = problem.system.u
-    curvature, slope = ca.hessian(value, u)
     held = ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in limits)) if limits else ca.SX(0, 1)
     bends = [ca.vec(ca.densify(ca.hessian(held[k], u)[0])) for k in range(held.numel())]
-    outputs = [value, slope, ca.vec(ca.densify(curvature)), held, ca.vec(ca.densify(ca.jacobian(held, u).T))]
+    outputs = [H.value, H.slope, ca.vec(ca.densify(H.curvature)), held, ca.vec(ca.densify(ca.jacobian(held, u).T))]
     outputs.append(ca.horzcat(*bends) if bends else ca.SX(u.numel() ** 2, 0))
     return ca.Function("model", arguments, ca.cse([ca.densify(o) for o in outputs])).map(places)
 

@@ -16,6 +16,7 @@ from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.tolerances import Cost, Tolerance
 from ocp.checks import Array
 from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
@@ -276,8 +277,6 @@ def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float
 
 def _scheme(problem: Problem) -> Scheme:
     system = problem.system
-    costate = ca.SX.sym("lambda", system.x.numel())
-    slope = ca.gradient(ca.dot(costate, system.rate) + problem.minimise.running, system.u)
-    curved = any(ca.depends_on(slope[i], system.u) for i in range(slope.numel()))
+    curved = ca.depends_on(hamiltonian(problem).slope, system.u)
     bounded = np.all(np.isfinite(np.concatenate(problem.limits(Where.ALONG, system.u))))
     return radau(3, Control.COLLOCATED if curved or not bounded else Control.CONSTANT)

@@ -152,7 +152,7 @@ class Signal:
             raise ValueError(f"Signal: {self.name!r} depends on the controls; name a signal of states")
         slope = ca.densify(ca.jacobian(expression, system.x))
         function = ca.Function("slope", [system.x, system.p], [slope]).map(len(apart))
-        p = np.array([solution.values[name] for name in system.nominal])[:, None]
+        p = solution.parameters[:, None]
         slopes = np.array(function(solution.states[:, -1].T, np.tile(p, len(apart))))
         return np.asarray(np.einsum("akb,kb->ka", slopes.reshape(expression.numel(), len(apart), -1), apart))
 

@@ -13,8 +13,9 @@ from ocp.accuracy.even_multipliers import even
 from ocp.checks import Array
 from ocp.integrators.simulation import simulate
 from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian
 from ocp.problem.problem import Free, Problem
-from ocp.solution.attached_problem import with_model
+from ocp.solution.attached_problem import with_problem
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import extent
@@ -91,7 +92,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     """
     if isinstance(solution, SequenceSolution):
         return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
-    problem = with_model("verify", solution, problem)
+    solution, problem = with_problem("verify", solution, problem)
     scale, work = extent(solution, problem)
     drift, end, energy = _reintegrate(solution, problem, scale, work)
     beyond = excess(solution, problem, scale)
@@ -167,7 +168,7 @@ def _reintegrate(solution: Solution, problem: Problem, scale: Array, least: floa
     if len(balance) < 2:
         return drift, end, Figure(np.nan, "share", "the energy turned over", "undefined")
     level = ca.Function("level", [system.x, system.p], [balance[0]])
-    p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
+    p = solution.parameters
     levels = np.array([float(level(xk, p)) for xk in moved.x[:, : len(scale)]])
     open_ = np.abs(moved.x[:, -1] - (levels - levels[0]))
     turned = max(np.ptp(levels), np.ptp(moved.x[:, -1]), least, 1e-300)
@@ -179,7 +180,7 @@ def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
     system = problem.system
     _, x, _, u = solution.samples(solution.scheme.points)
     function = ca.Function("power", [system.x, system.u, system.p], [ca.sum1(ca.fabs(power))])
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    p = solution.parameters
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     size = np.array(function.map(len(x))(x.T, u.T, np.tile(p[:, None], len(x)))) @ weights
     return np.where(size > 0.0, size, 1.0)
@@ -188,14 +189,10 @@ def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
 def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure, Figure]:
     """Return the deviation of the Hamiltonian, its mean, and the gap left by the controls."""
     system = problem.system
-    costate = ca.SX.sym("lambda", system.x.numel())
-    hamiltonian = ca.dot(costate, system.rate) + problem.minimise.running
-    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(problem.minimise.running)
-    curvature, slope = (ca.densify(part) for part in ca.hessian(hamiltonian, system.u))
-    arguments = [system.x, system.u, system.p, costate]
-    function = ca.Function("H", arguments, [hamiltonian, slope, ca.diag(curvature), terms])
+    H = hamiltonian(problem)
+    function = ca.Function("H", list(H.arguments), [H.value, H.slope, ca.diag(ca.densify(H.curvature)), H.terms])
     times, x, _, u = solution.samples(solution.scheme.points)
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    p = solution.parameters
 
     def evaluated(costates: Array) -> list[Array]:
         given = x.T, u.T, np.tile(p[:, None], times.size), costates.reshape(times.size, -1).T

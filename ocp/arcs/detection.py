@@ -82,7 +82,7 @@ def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
     edges = (grid.ends[:-1, None] + grid.widths[:, None] * marks[:-1]).ravel()
     _, x, _, u = solution.samples(middle)
     costates = np.einsum("sd,kda->ksa", scheme.costate_at(middle), solution.costates).reshape(len(x), -1)
-    result = switching_functions(problem, x, u, costates, list(solution.values.values()))
+    result = switching_functions(problem, x, u, costates, solution.parameters)
     return np.append(edges, 1.0) * solution.duration, u, result.shares
 
 
@@ -94,7 +94,7 @@ def contacts(
         return [], []
     system, scheme = problem.system, solution.scheme
     t, x, _, u = solution.samples(scheme.nodes)
-    p = np.tile(np.array(list(solution.values.values()))[:, None], len(t))
+    p = np.tile(solution.parameters[:, None], len(t))
     function = ca.Function(
         "limits", [system.x, system.u, system.p], [ca.vertcat(*(limit.chain[0] for limit in limits))]
     )
@@ -148,7 +148,7 @@ def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float) -
     effect = ca.Function("e", [system.x, system.u, system.p], [ca.densify(ca.jacobian(limit.chain[-1], system.u))])
     u = solution.u(t)
     low, high = problem.limits(Where.ALONG, system.u)
-    size = np.abs(np.array(effect(solution.x(t), u, list(solution.values.values())))).ravel()
+    size = np.abs(np.array(effect(solution.x(t), u, solution.parameters))).ravel()
     size = size * np.where(np.isfinite(high - low), high - low, 1.0)
     inside = np.abs([_place(u[i : i + 1], low[i], high[i])[0] - 0.5 for i in range(len(u))]) < 0.5 - EDGE
     return int(np.argmax(np.where(inside, size + 1e-300, 0.0) if inside.any() else size))

@@ -18,7 +18,7 @@ from ocp.arcs.revision import revise, swapped, without_shortest_hold, without_va
 from ocp.arcs.switching import switching_functions
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
-from ocp.solution.attached_problem import with_model
+from ocp.solution.attached_problem import with_problem
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import between_points
 from ocp.solving.ipopt import Ipopt
@@ -90,7 +90,7 @@ def polish(
         SIAM J. Control Optim. 14, 1976.
     """
     begun = time.perf_counter()
-    problem = with_model("polish", solution, problem)
+    solution, problem = with_problem("polish", solution, problem)
     checks.instance("polish: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     scheme = legendre(6, Control.COLLOCATED) if scheme is None else scheme
     if not isinstance(scheme, Scheme) or scheme.control is not Control.COLLOCATED:
@@ -222,7 +222,7 @@ def _doubt(problem: Problem, solution: Solution) -> float:
     """Return by how much the cost of a solution may be too low, to first order."""
     _, x, _, u = solution.samples(solution.scheme.points)
     costates = solution.costates.reshape(len(x), -1)
-    result = switching_functions(problem, x, u, costates, list(solution.values.values()))
+    result = switching_functions(problem, x, u, costates, solution.parameters)
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     return float(weights @ result.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
 

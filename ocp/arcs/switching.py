@@ -12,8 +12,8 @@ import numpy as np
 from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
-from ocp.problem.problem import Bolza, Problem
-from ocp.system import System
+from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def switching_functions(
     Source: Pontryagin et al., The Mathematical Theory of Optimal Processes.
     """
     system = problem.system
-    function = _slopes(system, problem.minimise)
+    function = _slopes(problem)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
     result = mapped(function, len(x))(x.T, u.T, p, costates.T)
     values, sizes, bends = np.array(result[0]).T, np.array(result[1]).ravel(), np.array(result[2]).T
@@ -64,12 +64,9 @@ def switching_functions(
 
 
 @functools.lru_cache(maxsize=32)
-def _slopes(system: System, minimise: Bolza) -> ca.Function:
+def _slopes(problem: Problem) -> ca.Function:
     """Return the function (x, u, p, lambda) -> (dH/du, size of the terms of H, d^2H/du_i^2)."""
-    costate = ca.SX.sym("lambda", system.x.numel())
-    hamiltonian = ca.dot(costate, system.rate) + minimise.running
-    terms = ca.dot(ca.fabs(costate), ca.fabs(system.rate)) + ca.fabs(minimise.running)
-    slope = ca.densify(ca.gradient(hamiltonian, system.u))
-    curvature = ca.vertcat(*(ca.jacobian(slope[i], system.u[i]) for i in range(system.u.numel())))
-    outputs = [slope, terms, ca.densify(curvature)]
-    return ca.Function("switching", [system.x, system.u, system.p, costate], outputs)
+    H, u = hamiltonian(problem), problem.system.u
+    slope = H.slope
+    curvature = ca.vertcat(*(ca.jacobian(slope[i], u[i]) for i in range(u.numel())))
+    return ca.Function("switching", list(H.arguments), [slope, H.terms, ca.densify(curvature)])

@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.integrators.contracts import Passage, Rule, check_components, check_tolerances, rate, stopped
+from ocp.integrators.contracts import Passage, Rule, check_components, check_tolerances, stopped
 from ocp.integrators.control_pieces import Piece, Polynomial
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED
-from ocp.system import System
+from ocp.system import System, rates
 
 SAFETY = 0.9
 SHRINK, GROW = 0.2, 8.0  # limits of one change of the step
@@ -69,7 +69,7 @@ class AdaptiveStep:
 
     def _first(self, system: System, parameters: Sequence[float], x0: Array, piece: Piece) -> float:
         """Return a first step in which x changes by a hundredth of its size [s]."""
-        slope = np.array(rate(system)(x0, piece.control(piece.stops[0]), parameters)).ravel()
+        slope = np.array(rates(system)(x0, piece.control(piece.stops[0]), parameters)).ravel()
         size = np.asarray(self.atol) + self.rtol * np.abs(x0)
         way, speed = np.max(np.abs(x0) / size), np.max(np.abs(slope) / size)
         guess = 1e-2 * way / speed if way > 1e-5 and speed > 1e-5 else 1e-4 * (piece.stops[-1] - piece.stops[0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -109,9 +108,3 @@ def symbols(system: System, stages: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Return symbols of x, h, u (nu, stages) and p for a step of a system."""
     nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
     return ca.SX.sym("x", nx), ca.SX.sym("h"), ca.SX.sym("u", nu, stages), ca.SX.sym("p", np_)
-
-
-@functools.lru_cache(maxsize=32)
-def rate(system: System) -> ca.Function:
-    """Return f: (x, u, p) -> dx/dt, dense."""
-    return ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)])

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.integrators.contracts import Passage, check_components, check_tolerances, rate, stopped
+from ocp.integrators.contracts import Passage, check_components, check_tolerances, stopped
 from ocp.integrators.control_pieces import ControlOf, Piece, Polynomial
 from ocp.integrators.stiffness import Linearisation, describe
-from ocp.system import System
+from ocp.system import System, rates
 
 MOST_STEPS = 100_000  # between two stops
 
@@ -118,7 +118,7 @@ class Cvodes:
         u = shape.expression(at, values) if isinstance(shape, Polynomial) else shape(at)
         equations: Any = {
             "t": tau, "x": x, "p": ca.vertcat(p, ca.vec(values), place, width, scale),
-            "ode": width * rate(system)(scale * x, u, p) / scale,
+            "ode": width * rates(system)(scale * x, u, p) / scale,
         }  # fmt: skip
         options: dict[str, Any] = {
             "linear_multistep_method": self.family.value, "reltol": self.rtol, "abstol": 1.0,

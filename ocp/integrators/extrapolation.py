@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
@@ -16,7 +15,7 @@ from ocp.integrators.control_pieces import Piece, Polynomial, Sampled
 from ocp.integrators.runge_kutta import RadauWithEstimate
 from ocp.integrators.stiffness import Linearisation, decays, describe
 from ocp.numerics.evaluation import Evaluation
-from ocp.system import System
+from ocp.system import System, rates
 
 LOOK = 100  # steps after which the fastest mode is looked at
 STIFF = 300.0  # times that a mode dies out before the next stop, from which on an implicit method is cheaper
@@ -114,8 +113,7 @@ class _Rate:
     """f(t, x) of a system under a control that may be replaced."""
 
     def __init__(self, system: System, parameters: Sequence[float]) -> None:
-        function = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)])
-        self._evaluation = Evaluation(function)
+        self._evaluation = Evaluation(rates(system))
         self._x, self._u, p = self._evaluation.inputs
         self._call, (self._out,) = self._evaluation.call, self._evaluation.outputs
         p[:] = parameters

@@ -9,8 +9,8 @@ import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
-from ocp.integrators.contracts import rate, symbols
-from ocp.system import System
+from ocp.integrators.contracts import symbols
+from ocp.system import System, rates
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class PredictorCorrector:
     def step(self, system: System) -> ca.Function:
         """Return the function of one step; see `ocp.rule.Rule`."""
         x, h, u, p = symbols(system, 2)
-        f = rate(system)
+        f = rates(system)
         slope = f(x, u[:, 0], p)
         new = x + h * slope
         for _ in range(self.corrections):

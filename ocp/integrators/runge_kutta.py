@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.integrators.contracts import rate, symbols
+from ocp.integrators.contracts import symbols
 from ocp.integrators.tableaux import Tableau, radau_iia
 from ocp.numerics.newton import root
-from ocp.system import System
+from ocp.system import System, rates
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class RadauWithEstimate:
         """Return the function of one step; see `ocp.rule.Rule`."""
         tableau = radau_iia(3)
         x, h, u, p = symbols(system, 4)
-        f = rate(system)
+        f = rates(system)
         stages = _implicit_step(system, tableau)
         roots = np.linalg.eigvals(np.linalg.inv(tableau.a))
         gamma = 1.0 / float(np.real(roots[np.argmin(np.abs(np.imag(roots)))]))
@@ -107,7 +107,7 @@ class RadauWithEstimate:
 
 def _explicit_step(system: System, tableau: Tableau) -> ca.Function:
     x, h, u, p = symbols(system, len(tableau.b))
-    f = rate(system)
+    f = rates(system)
     slopes: list[ca.SX] = []
     for i in range(len(tableau.b)):
         moved = sum((h * a * k for a, k in zip(tableau.a[i], slopes, strict=False) if a != 0.0), x)
@@ -128,7 +128,7 @@ def _implicit_step(system: System, tableau: Tableau) -> ca.Function:
     s = len(tableau.b)
     x, h, u, p = symbols(system, s)
     nx = x.numel()
-    f = rate(system)
+    f = rates(system)
     z = ca.SX.sym("z", nx * s)
     increments = ca.reshape(z, nx, s)
     slopes = ca.horzcat(*(f(x + increments[:, i], u[:, i], p) for i in range(s)))

@@ -44,7 +44,7 @@ class Trajectory:
         expression = system[signal] if isinstance(signal, str) else signal
         system.check_symbols("signal", expression)
         function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
-        p = np.tile(np.array(list(self.values.values()))[:, None], len(self.t))
+        p = np.tile(np.array(system.values(self.values))[:, None], len(self.t))
         return np.array(function.map(len(self.t))(self.x.T, self.u.T, p)).T
 
 

@@ -75,7 +75,7 @@ class Variation:
         value = ca.densify(ca.vec(expression))
         change = ca.jtimes(value, ca.vertcat(*known), ca.vertcat(*changes))
         function = ca.Function("change", [*known, *changes], [ca.densify(change)]).map(len(t))
-        p = np.array([solution.values[name] for name in system.nominal])
+        p = solution.parameters
         fixed = (np.tile(column[:, None], len(t)) for column in (p, self.p))
         x, u = self.at(solution, problem, t, held)
         values, derivative = fixed
@@ -88,7 +88,7 @@ class Variation:
         system, count = problem.system, len(self.states)
         first = solution.scheme.control_at(np.zeros(1))[0]
         x, u = solution.states[:, 0], np.einsum("m,kma->ka", first, solution.controls)
-        p = np.array([solution.values[name] for name in system.nominal])
+        p = solution.parameters
         by_p = ca.Function("by_p", [system.x, system.u, system.p], [ca.densify(ca.jacobian(system.rate, system.p))])
         results = []
         widths = solution.duration * solution.grid.widths

@@ -18,7 +18,7 @@ from ocp.sensitivities.kkt_root import Optimum, settle, start
 from ocp.sensitivities.limit_prices import Price, prices
 from ocp.sensitivities.motion_derivatives import Held, Variation
 from ocp.sensitivities.nlp_of_solution import Reconstruction, reconstruct
-from ocp.solution.attached_problem import with_model
+from ocp.solution.attached_problem import with_problem
 from ocp.solution.solution import Solution
 from ocp.system import Label
 
@@ -177,7 +177,7 @@ def sensitivity(
     Source: A. V. Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming, 1983.
     """
     begun = time.perf_counter()
-    problem = _checked(solution, problem)
+    solution, problem = _checked(solution, problem)
     system = problem.system
     chosen = _names(solution, problem, names, toward)
     here = reconstruct(solution, problem)
@@ -219,8 +219,8 @@ def sensitivity(
     )  # fmt: skip
 
 
-def _checked(solution: Solution, problem: Problem | None) -> Problem:
-    result = with_model("sensitivity", solution, problem)
+def _checked(solution: Solution, problem: Problem | None) -> tuple[Solution, Problem]:
+    result = with_problem("sensitivity", solution, problem)
     if not solution.ok:
         raise ValueError(f"sensitivity: {solution.message}; only a solved solution has derivatives, solve it first")
     return result

@@ -1,19 +1,21 @@
-"""Solutions that were loaded without their problem."""
+"""A problem for solutions that were loaded from a file without one."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from ocp import checks
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
 
-def with_model(function: str, solution: object, problem: Problem | None) -> Problem:
-    """Return the problem of a solution, or the one given for a solution that was loaded without it.
+def with_problem(function: str, solution: object, problem: Problem | None) -> tuple[Solution, Problem]:
+    """Return a solution that carries its problem, and the problem.
 
     Args:
-        function: that asks, for the message.
-        solution: what was given as one.
-        problem: what was given for it; None for its own.
+        function: name of the calling function, for messages.
+        solution: the argument that must be a Solution.
+        problem: the problem that it solves; None for the one that it carries.
 
     Raises:
         TypeError: no Solution, or no Problem.
@@ -24,11 +26,11 @@ def with_model(function: str, solution: object, problem: Problem | None) -> Prob
     checks.instance(f"{function}: problem", problem, Problem | None, "a Problem, or None for that of the solution")
     result = solution.problem if problem is None else problem
     if result is None:
-        raise ValueError(f"{function}: this solution was loaded without its model; pass problem=...")
+        raise ValueError(f"{function}: this solution was loaded without its problem; pass problem=...")
     has, wanted = (
         (result.system.x.numel(), result.system.u.numel()),
         (solution.states.shape[2], solution.controls.shape[2]),
     )
     if has != wanted:
         raise ValueError(f"{function}: problem has (nx, nu) = {has}, expected {wanted} as the solution")
-    return result
+    return (solution if solution.problem is result else replace(solution, problem=result)), result

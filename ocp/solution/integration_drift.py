@@ -45,7 +45,7 @@ def _propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Arr
     tau, weights = (nodes + 1.0) / 2.0, weights / 2.0
     m = len(tau)
     _, x, rate, u = solution.samples(tau)
-    f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(_parameters(solution, problem), len(x)))
+    f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(solution.parameters[:, None], len(x)))
     h = solution.duration * solution.grid.widths
     missed = (np.array(f).T - rate).reshape(count, m, nx)
     A = np.array(slope).reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
@@ -59,8 +59,3 @@ def _propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Arr
     grown[..., 0] += missed
     end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
     return end[..., 0], np.eye(nx) + end[..., 1:], delta
-
-
-def _parameters(solution: Solution, problem: Problem) -> Array:
-    system = problem.system
-    return np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))[:, None]

@@ -12,6 +12,7 @@ import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
+from ocp.numerics.arrays import largest_of_unit
 from ocp.numerics.evaluation import mapped
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy
@@ -93,6 +94,18 @@ class Solution:
         )
 
     @property
+    def parameters(self) -> Array:
+        """(np,) values of the parameters of the system, in the order of its symbols `system.p`.
+
+        Raises:
+            ValueError: the solution was loaded without its problem, which knows the order.
+        """
+        if self.problem is None:
+            raise ValueError("parameters: this solution was loaded without its problem; use load(path, problem=...)")
+        system = self.problem.system
+        return np.array(system.values({name: self.values[name] for name in system.nominal if name in self.values}))
+
+    @property
     def data(self) -> Array:
         """(N, m + e, nx) what defines the state polynomial of every element: states, then slopes."""
         return np.concatenate([self.states, self.slopes], axis=1)
@@ -148,13 +161,13 @@ class Solution:
             return self.x(t) if signal == "x" else self.u(t)
         checks.instance("signal", signal, str | ca.SX, "the name of a signal or an expression")
         if self.problem is None:
-            raise ValueError("signal: this solution was loaded without its model; use load(path, problem=...)")
+            raise ValueError("signal: this solution was loaded without its problem; use load(path, problem=...)")
         system = self.problem.system
         expression = system[signal] if isinstance(signal, str) else signal
         system.check_symbols("signal", expression)
         times = self._times(t)
         function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
-        parameters = np.array([self.values[name] for name in system.nominal])[:, None]
+        parameters = self.parameters[:, None]
         results = function.map(len(times))(self.x(times).T, self.u(times).T, np.tile(parameters, len(times)))
         result = np.array(results).T
         return result if np.ndim(t) else result[0]
@@ -176,22 +189,21 @@ class Solution:
         Source: J. T. Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming, 4.7.
         """
         if self.problem is None:
-            raise ValueError("error: this solution was loaded without its model; use load(path, problem=...)")
+            raise ValueError("error: this solution was loaded without its problem; use load(path, problem=...)")
         system = self.problem.system
         edges = np.unique(np.concatenate([[0.0], self.scheme.points, [1.0]]))
         tau = (edges[:-1, None] + np.diff(edges)[:, None] * (GAUSS[0] + 1.0) / 2.0).ravel()
         shares = (np.diff(edges)[:, None] * GAUSS[1] / 2.0).ravel()
         t, x, rate, u = self.samples(tau)
         function = mapped(rates(system), len(t))
-        p = np.array([self.values[name] for name in system.nominal])[:, None]
+        p = self.parameters[:, None]
         missed = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T)
         each = missed.reshape(len(self.grid), len(tau), -1)
         widths = self.duration * self.grid.widths
         integral = np.einsum("ksa,s->ka", each, shares) * widths[:, None]
         span = np.max(np.abs(x), axis=0)
         units = [label.unit for label in system.label("x", len(span))]
-        floor = [1e-3 * max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
-        size = np.maximum(span, floor)
+        size = np.maximum(span, 1e-3 * largest_of_unit(span, units))
         relative: Array = np.max(integral / np.where(size > 0.0, size, 1.0), axis=1)
         return relative
 

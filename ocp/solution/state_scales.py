@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
@@ -23,7 +24,6 @@ def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
     system = problem.system
     span, value = np.ptp(solution.states, axis=(0, 1)), np.max(np.abs(solution.states), axis=(0, 1))
     units = [label.unit for label in system.label("x", len(span))]
-    alike = [max(s for s, other in zip(span, units, strict=True) if other == unit) for unit in units]
     power, energy = (ca.sum1(ca.SX(system.signals.get(name, 0))) for name in ("power", "energy"))
     parts = [ca.jacobian(a, b) for a, b in ((system.rate, system.x), (system.rate, system.u), (power, system.x),
                                             (energy, system.x))]  # fmt: skip
@@ -31,7 +31,7 @@ def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
     x, u = (
         np.array([part[0], part[len(part) // 2], part[-1]]) for part in (solution.states[:, 0], solution.controls[:, 0])
     )
-    p = system.values({n: v for n, v in solution.values.items() if n in system.nominal})
+    p = solution.parameters
     results = [
         [np.nan_to_num(np.array(part), posinf=0.0) for part in function(a, b, p)] for a, b in zip(x, u, strict=True)
     ]
@@ -39,7 +39,7 @@ def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
     by_x, by_u, power_by, energy_by = largest
     reach = solution.duration * by_u @ _range(solution, problem)
     reach = reach + solution.duration * by_x @ reach
-    size = np.maximum(np.maximum(span, 1e-3 * np.maximum(alike, reach)), ROUNDING * value)
+    size = np.maximum(np.maximum(span, 1e-3 * np.maximum(largest_of_unit(span, units), reach)), ROUNDING * value)
     work = float(np.sum(energy_by @ (ROUNDING * value)) + 1e-3 * solution.duration * np.sum(power_by @ reach))
     return np.where(size > 0.0, size, 1.0), work
 

@@ -6,7 +6,6 @@ import io
 import json
 import math
 import os
-import uuid
 import zipfile
 from dataclasses import asdict
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ocp import checks
+from ocp.numerics.files import written_whole
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
@@ -51,15 +51,8 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         told = checks.shown(solution)
         raise TypeError(f"save: solution is {told}, expected a Solution; save the phases of a sequence one by one")
     target = checks.path("path", path)
-    # Created by hand, so that the file gets the rights that the user's own files get.
-    part = target.with_name(f"{target.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        with part.open("xb") as file:
-            file.write(encode(solution))
-        part.replace(target)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with written_whole(target) as part:
+        part.write_bytes(encode(solution))
 
 
 def encode(solution: Solution) -> bytes:

@@ -52,7 +52,7 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system
-    p = np.array(system.values({n: v for n, v in solution.values.items() if n in system.nominal}))
+    p = solution.parameters
     for constraint in problem.subject_to:
         by_states = ca.mtimes(ca.fabs(ca.jacobian(constraint.expression, system.x)), scale)
         outputs = [constraint.expression, ca.densify(by_states)]
@@ -88,11 +88,10 @@ def touched(solutions: list[Solution]) -> Iterator[str]:
         system = solution.problem.system if solution.problem is not None else None
         if system is None or not system.singular or not np.all(np.isfinite(solution.states)):
             continue
-        values = [solution.values[name] for name in system.nominal]
         if not solution.duration > 0.0:
             continue
         t, x, _, _ = solution.samples(PLACES)
-        result = meeting(system, x, values)
+        result = meeting(system, x, solution.parameters.tolist())
         if result:
             yield f"the motion meets a singularity at t = {t[result.row]:.4g} s: {result.words}"
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 
+from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.solution.integration_drift import drift
 from ocp.solution.solution import Solution, Status
 from ocp.solution.violations import between_points, excess, touched
 from ocp.solving.prechecks import _labels, warnings_before
+from ocp.system import rates
 
 if TYPE_CHECKING:
     pass
@@ -72,8 +73,8 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
             )
     system = problem.system
     t, x, rate, u = solution.samples(solution.scheme.points)
-    p = np.array([solution.values[name] for name in system.nominal])[:, None]
-    function = ca.Function("f", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(t))
+    p = solution.parameters[:, None]
+    function = rates(system).map(len(t))
     left = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T) * solution.duration
     left[~np.isfinite(left)] = np.inf
     size = np.max(np.abs(x), axis=0)
@@ -151,9 +152,7 @@ def unresolved(solution: Solution) -> list[str]:
             away = np.full((len(solution.grid) + 1, solution.states.shape[2]), np.inf)
         span = np.max(np.abs(solution.states), axis=(0, 1))
         labels = problem.system.label("x", len(span))
-        alike = [LEAST * max(s for s, other in zip(span, labels, strict=True) if other.unit == one.unit)
-                 for one in labels]  # fmt: skip
-        size = np.maximum(span, alike)
+        size = np.maximum(span, LEAST * largest_of_unit(span, [label.unit for label in labels]))
         share = away / np.where(size > 0.0, size, 1.0)
     share[~np.isfinite(share)] = np.inf
     k, i = np.unravel_index(np.argmax(share), share.shape)

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Fixed, Free, Problem
@@ -47,8 +48,7 @@ def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> l
 def _rests(f: Array, parts: Array, units: list[str]) -> bool:
     """Return whether rates f (nx,) are balanced by the parts (nx, nu) of the controls; those of one unit together."""
     left, size = np.abs(f + parts.sum(axis=1)), np.abs(f) + np.abs(parts).sum(axis=1)
-    alike = np.array([max(s for s, other in zip(size, units, strict=True) if other == unit) for unit in units])
-    return bool(np.all(left <= 1e-6 * alike + 1e-14 * np.max(size, initial=0.0)))
+    return bool(np.all(left <= 1e-6 * largest_of_unit(size, units) + 1e-14 * np.max(size, initial=0.0)))
 
 
 def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Guess, float] | None:

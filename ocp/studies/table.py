@@ -6,7 +6,6 @@ import csv
 import io
 import math
 import os
-import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
+from ocp.numerics.files import written_whole
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode
@@ -226,11 +226,5 @@ class StudyTable:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
-        with part.open("xb") as file:
-            file.write(content)
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+    with written_whole(path) as part:
+        part.write_bytes(content)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.problem import Fixed
+from ocp.system import rates
 from ocp.transcription.guess import Guess
 from ocp.transcription.nlp import Nlp
 
@@ -71,7 +71,7 @@ def unpack(nlp: Nlp, z: Array, multipliers: Array, limits: Array, values: list[f
     states, controls = z[layout.state] * scaling.x, z[layout.control] * scaling.u
     slopes = np.zeros((len(states), 0, states.shape[2]))
     if scheme.slope_at_start:
-        rate = ca.Function("rate", [system.x, system.u, system.p], [ca.densify(system.rate)]).map(len(states))
+        rate = rates(system).map(len(states))
         first = np.einsum("m,kma->ak", scheme.control_at(np.zeros(1))[0], controls)
         parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
         widths = duration * nlp.grid.widths

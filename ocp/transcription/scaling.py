@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Problem
 from ocp.system import slopes as slopes_of
@@ -98,7 +99,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     guessed = np.max(np.abs(guess.u), axis=0, initial=0.0)
     used = _control_size(guessed, needed, slopes)
     used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
-    most = np.maximum(guessed, _control_size(0.0 * guessed, _largest_alike(travelled, units) / guess.duration, slopes))
+    most = np.maximum(guessed, _control_size(0.0 * guessed, largest_of_unit(travelled, units) / guess.duration, slopes))
     u = magnitude(problem, system.u)
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
     u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
@@ -178,13 +179,8 @@ def _limit_sizes(
 def _without_rounding(reached: Array, units: list[str]) -> Array:
     """Replace sizes that are rounding beside the others by the largest with the same unit, or by one."""
     least = NEGLIGIBLE * np.max(reached, initial=0.0)
-    same = _largest_alike(reached, units)
+    same = largest_of_unit(reached, units)
     return np.where(reached > least, reached, np.where(same > least, same, 1.0))
-
-
-def _largest_alike(values: Array, units: list[str]) -> Array:
-    """Return for every value the largest with the same unit."""
-    return np.array([max(v for v, other in zip(values, units, strict=True) if other == unit) for unit in units])
 
 
 def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import math
-import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 from accuracy_bill.measurement import Row
 from accuracy_bill.pareto_front import Curve, price
+from ocp.numerics.files import written_whole
 
 SECONDS = ("setup", "derivatives", "solver", "total")
 SHARES = ("drift", "violation")
@@ -19,13 +19,8 @@ SHARES = ("drift", "violation")
 
 def write(path: Path, text: str) -> None:
     """Write a text file; what was there before is replaced only when the new one is complete."""
-    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:8]}.part")
-    try:
+    with written_whole(path) as part:
         part.write_text(text, encoding="utf-8", newline="")
-        part.replace(path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
 
 
 def as_csv(rows: Sequence[Row], unit: str) -> str:

@@ -7,6 +7,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from ocp.numerics.files import written_whole
+
 
 def finish(figure: Figure, path: Path, dpi: int = 150) -> None:
     """Write a picture and close it; an existing file is replaced only when the new one is complete.
@@ -16,10 +18,8 @@ def finish(figure: Figure, path: Path, dpi: int = 150) -> None:
         path: of the picture; the suffix chooses the format.
         dpi: dots per inch.
     """
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
     try:
-        figure.savefig(part, dpi=dpi)
-        part.replace(path)
+        with written_whole(path) as part:
+            figure.savefig(part, dpi=dpi)
     finally:
         plt.close(figure)
-        part.unlink(missing_ok=True)

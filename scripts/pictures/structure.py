@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from ocp import Problem, Solution
 from ocp.arcs.switching import switching_functions
 from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.structure import Kind, Row
 from pictures.files import finish
@@ -111,16 +112,15 @@ def _along(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:
     system = problem.system
     t, x, _, u = solution.samples(PLACES)
     costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(PLACES), solution.costates).reshape(len(t), -1)
-    parameters = list(solution.values.values())
+    parameters = solution.parameters
     low, high = problem.limits(Where.ALONG, system.u)
     half = np.where(np.isfinite(high - low), high - low, np.max(np.abs(u), axis=0)) / 2.0
     values = switching_functions(problem, x, u, costates, parameters).values * half
-    costate = ca.SX.sym("lambda", system.x.numel())
-    expression = ca.dot(costate, system.rate) + problem.minimise.running
-    function = ca.Function("H", [system.x, system.u, system.p, costate], [expression])
-    p = np.tile(np.array(parameters, dtype=float)[:, None], len(t))
-    hamiltonian = np.array(function.map(len(t))(x.T, u.T, p, costates.T)).ravel()
-    return t, u, values, hamiltonian - np.mean(hamiltonian), x
+    H = hamiltonian(problem)
+    function = ca.Function("H", list(H.arguments), [H.value])
+    p = np.tile(parameters[:, None], len(t))
+    level = np.array(function.map(len(t))(x.T, u.T, p, costates.T)).ravel()
+    return t, u, values, level - np.mean(level), x
 
 
 def _curve(axes: Axes, t: np.ndarray, values: np.ndarray, colour: str = MOTION) -> None:
@@ -142,7 +142,7 @@ def _limit(
     """Draw a limited expression with its limits as far as they are near."""
     system = problem.system
     function = ca.Function("limit", [system.x, system.u, system.p], [limit.chain[0]])
-    p = np.tile(np.array(list(solution.values.values()), dtype=float)[:, None], len(t))
+    p = np.tile(solution.parameters[:, None], len(t))
     values = np.array(function.map(len(t))(x.T, u.T, p)).ravel()
     _curve(axes, t, values)
     reach = max(float(np.ptp(values)), 1e-12)

@@ -43,7 +43,7 @@ def _signals(solution: Solution, places: np.ndarray) -> tuple[np.ndarray, np.nda
     """Return tau and v (K, n) at places of every element, each seen from inside of it."""
     assert solution.problem is not None
     t, x, _, u = solution.samples(places)
-    p = np.tile(np.array(list(solution.values.values()))[:, None], len(t))
+    p = np.tile(solution.parameters[:, None], len(t))
     tau, v = _function(solution.problem.system).map(len(t))(x.T, u.T, p)
     return np.array(tau).T, np.array(v).T
 

@@ -11,6 +11,7 @@ from pictures.solution import phases
 
 from models import Manipulator, Scene, recover
 from ocp import SequenceSolution, Solution, System
+from ocp.numerics.files import written_whole
 
 
 def tabulate(solution: Solution | SequenceSolution, scene: Scene) -> tuple[np.ndarray, np.ndarray, str]:
@@ -50,7 +51,7 @@ def at_points(leg: Solution, system: System, name: str, places: np.ndarray) -> n
 
 def parameters(leg: Solution, count: int) -> np.ndarray:
     """Return the parameter values (np, count) of a motion, the same at all times."""
-    return np.tile(np.array(list(leg.values.values()))[:, None], count)
+    return np.tile(leg.parameters[:, None], count)
 
 
 def finite(value: float) -> float | None:
@@ -73,9 +74,7 @@ def write_csv(path: Path, machine: Manipulator, times: np.ndarray, table: np.nda
     header += [f"d{name}/dt [{unit}/s]" for name, unit in zip(names, units, strict=True)]
     header += [f"d2{name}/dt2 [{unit}/s^2]" for name, unit in zip(names, units, strict=True)]
     header += [f"tau_{c.name} [{c.force_unit}]" for c in machine.coordinates]
-    part = path.with_suffix(".csv.part")
-    with part.open("w", newline="", encoding="utf-8") as file:
+    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(header)
         writer.writerows([repr(float(t)), *map(repr, map(float, row))] for t, row in zip(times, table, strict=True))
-    part.replace(path)

@@ -1,0 +1,23 @@
+"""Arrays of quantities with units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ocp.checks import Array
+
+
+def largest_of_unit(values: Array, units: Sequence[str]) -> Array:
+    """Return for each value the largest one that has the same unit.
+
+    Args:
+        values: (n,) numbers, one for each quantity.
+        units: n units, such as "rad", "m".
+
+    Returns:
+        (n,).
+    """
+    names = np.array(units, dtype=object)
+    return np.array([np.max(values[names == unit]) for unit in units], dtype=float)
