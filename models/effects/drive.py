@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from models.effects.effect_fields import Some, names_of, quantity, read_fields, units_of
 from models.machines.manipulator import Manipulator
-from models.mechanics.terms import Quantity, Rate, Source, State, Terms, Transmission
+from models.mechanics.contributions import ROTOR, Contribution, Sizes, SolvedMotion, values_of
+from models.mechanics.linear_response import lag_error, oscillator_error
+from models.mechanics.terms import Effect, Quantity, Rate, Source, State, Terms, Transmission
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,16 @@ class LaggedDrive:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> LaggedDrive:
+        """Return drives with a lag of 5 ms."""
+        return cls(5e-3)
+
+    def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
+        """Return how far the torque lags behind its command."""
+        constants = values_of(self, "time_constant", sizes.machine)
+        return Contribution(lag_error(motion.t, motion.tau, constants), note="torque behind its command")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states and the drive."""
@@ -86,6 +99,19 @@ class ElasticDrive:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> ElasticDrive:
+        """Return joints of 1e5 N m/rad (1e6 N/m) with rotors of 1e-4 kg m^2 behind usual gears."""
+        stiffness = tuple(1e5 if c.unit == "rad" else 1e6 for c in sizes.machine.coordinates)
+        return cls(stiffness, tuple(ROTOR * ratio**2 for ratio in sizes.ratio))
+
+    def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
+        """Return the torque that oscillates in the joints: rotor and spring as an undamped oscillator sqrt(k / J)."""
+        machine = sizes.machine
+        frequencies = np.sqrt(values_of(self, "stiffness", machine) / values_of(self, "inertia", machine))
+        error = oscillator_error(motion.t, motion.tau, frequencies)
+        return Contribution(error, note="torque that oscillates in the joints")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states and the transmission."""

@@ -9,6 +9,7 @@ import casadi as ca
 from models.effects.effect_fields import Some, bounded, names_of, quantity, read_fields, units_of
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Value
+from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Quantity, Read, Terms
 from ocp.system import Side
 
@@ -44,6 +45,11 @@ class TorqueSpeed:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> TorqueSpeed:
+        """Return limits of twice the peak torque and twice the peak speed."""
+        return cls(tuple(2.0 * f for f in sizes.torque), tuple(2.0 * w for w in sizes.speed))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the limits."""
@@ -86,6 +92,11 @@ class PowerLimit:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> PowerLimit:
+        """Return a supply of 2 kW."""
+        return cls(2000.0)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the limit."""

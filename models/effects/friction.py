@@ -8,6 +8,7 @@ import casadi as ca
 
 from models.effects.effect_fields import Each, present, quantity, read_fields
 from models.machines.manipulator import Manipulator
+from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Terms
 
 FORCE, SPEED = "N m or N", "rad/s or m/s"
@@ -34,6 +35,11 @@ class Viscous:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> Viscous:
+        """Return friction that takes 5 % of the peak torque at the peak speed."""
+        return cls(tuple(0.05 * f / w for f, w in zip(sizes.torque, sizes.speed, strict=True)))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the forces."""
@@ -74,6 +80,11 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> Coulomb:
+        """Return friction of 5 % of the peak torque."""
+        return cls(tuple(0.05 * f for f in sizes.torque))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the forces."""
@@ -121,6 +132,11 @@ class Stribeck:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> Stribeck:
+        """Return friction of 5 % of the peak torque, with a breakaway force of 7.5 %."""
+        return cls(tuple(0.05 * f for f in sizes.torque), tuple(0.075 * f for f in sizes.torque))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the forces."""

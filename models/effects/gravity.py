@@ -10,6 +10,7 @@ import numpy as np
 from models.effects.effect_fields import quantity, read_fields
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Value
+from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Terms
 from ocp import checks
 
@@ -36,6 +37,11 @@ class Gravity:
         wanted = "three numbers, not all zero"
         if not np.any(checks.column("gravity.direction", self.direction, 3, wanted)):
             raise checks.refused("gravity.direction", self.direction, wanted)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> Gravity:
+        """Return gravity of 9.81 m/s^2."""
+        return cls()
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the field; it acts on all masses, those that other effects attach included."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from models.effects.effect_fields import Some, bounded, names_of, present, quantity, read_fields, units_of
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, Value
-from models.mechanics.terms import Quantity, Rate, Read, Source, State, Terms
+from models.mechanics.contributions import Contribution, Sizes, SolvedMotion, values_of
+from models.mechanics.linear_response import lag_error
+from models.mechanics.terms import Effect, Quantity, Rate, Read, Source, State, Terms
+from ocp.checks import Array
 from ocp.system import Side
 
 
@@ -51,6 +55,23 @@ class MotorDrive:
                     "motor_drive.inductance: got Parameter(value=0.0), expected a value > 0 for one that stays a "
                     "symbol: it makes the current a state, which the number 0 does not"
                 )
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> MotorDrive:
+        """Return motors that take 10 A and 4 V at the winding for the peak torque, with L / R = 2 ms."""
+        constants = tuple(peak / (10.0 * ratio) for peak, ratio in zip(sizes.torque, sizes.ratio, strict=True))
+        return cls(constants, 0.4, 0.8e-3, sizes.ratio)
+
+    def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
+        """Return how far the torque lags behind its command, by the electrical time constant L / R."""
+        machine = sizes.machine
+        constants = values_of(self, "inductance", machine) / values_of(self, "resistance", machine)
+        return Contribution(lag_error(motion.t, motion.tau, constants), note="torque behind its command, by L / R")
+
+    def mean_loss(self, machine: Manipulator, rms: Array) -> Array:
+        """Return the mean copper loss (n,) [W] for torques of the joints with a root mean square (n,) [N m or N]."""
+        gain = values_of(self, "constant", machine) * values_of(self, "ratio", machine)
+        return np.asarray(values_of(self, "resistance", machine) * rms**2 / gain**2)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states and the drive."""
@@ -146,6 +167,24 @@ class WindingHeat:
 
     def __post_init__(self) -> None:
         read_fields(self)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> WindingHeat:
+        """Return windings of 2 K/W and 500 J/K that may warm up to 393 K."""
+        return cls(2.0, 500.0, 393.15)
+
+    def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
+        """Return the steady rise of the temperature at the mean loss, as a share of the allowed rise."""
+        motor = next((effect for effect in effects if hasattr(effect, "mean_loss")), None)
+        nothing = np.zeros_like(motion.tau)
+        if motor is None:
+            return Contribution(nothing, note="needs a MotorDrive")
+        loss = motor.mean_loss(sizes.machine, motion.rms(motion.tau))
+        rise = values_of(self, "resistance", sizes.machine) * loss
+        ambient = self.ambient.value if isinstance(self.ambient, Parameter) else self.ambient
+        allowed = values_of(self, "limit", sizes.machine) - float(ambient)
+        use = float(np.nanmax(rise / allowed)) if self.limit is not None else float("nan")
+        return Contribution(nothing, use, f"steady rise {np.nanmax(rise):.3g} K if the motion is repeated")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states and limits."""

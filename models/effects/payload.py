@@ -13,6 +13,7 @@ from models.machines.body_metrics import point_metric, turning_metric
 from models.machines.inertia import ROUNDING
 from models.machines.manipulator import Body, Manipulator
 from models.machines.parameters import Value
+from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Terms
 from ocp import checks
 
@@ -58,6 +59,11 @@ class Payload:
                 f"payload.inertia: principal moments {listed} kg m^2, expected none < 0 and none larger than the sum "
                 "of the others; no rigid body has them"
             )
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> Payload:
+        """Return a load of a tenth of the mass of the machine."""
+        return cls(0.1 * sizes.mass)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric and the mass of the load."""

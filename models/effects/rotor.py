@@ -10,6 +10,7 @@ import numpy as np
 
 from models.effects.effect_fields import Each, quantity, read_fields
 from models.machines.manipulator import Manipulator
+from models.mechanics.contributions import ROTOR, Sizes
 from models.mechanics.terms import Terms
 from ocp import checks
 
@@ -48,6 +49,11 @@ class RotorInertia:
             matrix = checks.numbers("rotor_inertia.coupling", self.coupling, wanted)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
                 raise checks.refused("rotor_inertia.coupling", self.coupling, wanted)
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> RotorInertia:
+        """Return rotors of 1e-4 kg m^2 with gears of 100 (300 rad/m)."""
+        return cls(ROTOR, sizes.ratio)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric."""

@@ -12,6 +12,7 @@ from models.effects.effect_fields import Fields, quantity, read_fields
 from models.machines.body_metrics import angular_velocity, simplified
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Value
+from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Read, Terms, name_of
 from ocp import checks
 
@@ -61,6 +62,11 @@ class ToolForce:
         if not isinstance(of, tuple | list) or not of or not all(isinstance(name, str) and name for name in of):
             raise checks.refused("tool_force.of", self.of, "the names of signals, such as ('time',)")
         object.__setattr__(self, "of", tuple(of))
+
+    @classmethod
+    def typical(cls, sizes: Sizes) -> ToolForce:
+        """Return a force of 50 N downwards."""
+        return cls((0.0, 0.0, -50.0))
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the generalised force."""

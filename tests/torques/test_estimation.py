@@ -20,8 +20,10 @@ from models.effects import (
     WindingHeat,
 )
 from models.forms import canonical
+from models.mechanics.contributions import Contribution
+from models.mechanics.linear_response import lag_error, oscillator_error
+from models.mechanics.terms import Quantity, Terms, name_of
 from models.torques.effect_estimates import typical
-from models.torques.linear_response import lag, oscillation
 from ocp import point_to_point, solve, uniform
 
 ON = (Gravity(), Viscous((5.0, 40.0, 30.0)))
@@ -48,7 +50,7 @@ def test_every_known_effect_is_judged():
     assert all(isinstance(row, Estimate) for row in rows.values())
     assert [rows[name].on for name in ("gravity", "viscous", "payload", "coulomb")] == [True, True, False, False]
     built = {"joint_stop", "counterbalance"}  # no usual size
-    assert names | built == {models.terms.name_of(getattr(models.effects, name)) for name in models.effects.__all__}
+    assert names | built == {name_of(getattr(models.effects, name)) for name in models.effects.__all__}
     order = [row.on for row in rows.values()]
     assert order == sorted(order, reverse=True)
     text = str(rows["gravity"])
@@ -115,19 +117,52 @@ def test_drives_that_are_on_are_judged_by_their_own_parameters():
     assert np.all(rows["lagged_drive"].peak < 2.0 * np.max(np.abs(behind), axis=0))
 
 
-def test_lag_and_oscillation_answer_exactly():
+class Belt:
+    """A drive of a user: its contribution is a method of its own."""
+
+    def __call__(self, machine, so_far):
+        return Terms()
+
+    def contribution(self, sizes, motion, effects):
+        return Contribution(0.1 * motion.tau, 0.7, f"{sizes.machine.name}, {len(effects)} effects")
+
+
+class SpeedLimit:
+    """A limit of a user: the terms say all."""
+
+    def __call__(self, machine, so_far):
+        return Terms(signals={"fast": Quantity(machine.v[0], "rad/s")}, limits={"fast": (-4.0, 8.0)})
+
+
+def test_effects_of_users_are_judged_by_what_they_bring():
+    _, _, solution = solved()
+    rows = rows_of((Belt(), SpeedLimit()))
+    assert rows["belt"].share == pytest.approx([0.1] * 3)
+    assert (rows["belt"].use, rows["belt"].note) == (0.7, "cylindrical, 4 effects")
+    v = solution.signal("v", solution.samples(np.linspace(0.0, 1.0, 9))[0])[:, 0]
+    assert rows["speed_limit"].use == pytest.approx(max(np.max(v) / 8.0, np.max(-v) / 4.0))
+
+
+def test_effects_that_cannot_be_added_are_not_proposed():
+    arm, system, solution = solved()
+    names = {row.name for row in estimate(system, arm, (*ON, Coulomb(1.0)), solution)}
+    assert "coulomb" in names
+    assert "stribeck" not in names
+
+
+def test_lag_and_oscillator_are_integrated_exactly():
     t = np.linspace(0.0, 1.0, 41)
     step = np.ones((1, 42))
     jump = np.append(0.0, t)
     step[0, 0] = 0.0
-    assert lag(jump, step, np.array([0.3]))[0, 1:] == pytest.approx(np.exp(-t / 0.3))
-    assert oscillation(jump, step, np.array([7.0]))[0, 1:] == pytest.approx(np.cos(7.0 * t))
+    assert lag_error(jump, step, np.array([0.3]))[0, 1:] == pytest.approx(np.exp(-t / 0.3))
+    assert oscillator_error(jump, step, np.array([7.0]))[0, 1:] == pytest.approx(np.cos(7.0 * t))
     ramp = 2.0 * t[None, :]
-    assert lag(t, ramp, np.array([0.3]))[0] == pytest.approx(0.6 * (1.0 - np.exp(-t / 0.3)))
-    assert oscillation(t, ramp, np.array([7.0]))[0] == pytest.approx(2.0 * np.sin(7.0 * t) / 7.0)
+    assert lag_error(t, ramp, np.array([0.3]))[0] == pytest.approx(0.6 * (1.0 - np.exp(-t / 0.3)))
+    assert oscillator_error(t, ramp, np.array([7.0]))[0] == pytest.approx(2.0 * np.sin(7.0 * t) / 7.0)
     for rigid in (np.array([np.nan]), np.array([0.0])):
-        assert np.all(lag(jump, step, rigid) == 0.0)
-        assert np.all(oscillation(jump, step, rigid) == 0.0)
+        assert np.all(lag_error(jump, step, rigid) == 0.0)
+        assert np.all(oscillator_error(jump, step, rigid) == 0.0)
 
 
 def test_typical_effects_have_the_documented_sizes():

@@ -1,4 +1,4 @@
-"""Answers of a lag and of an oscillator to a given course of their input, exact for pieces that are linear in time."""
+"""Response of a first-order lag and of an undamped oscillator to a piecewise linear input, integrated exactly."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from ocp.checks import Array
 
 
-def lag(t: Array, values: Array, constants: Array) -> Array:
-    """Return values less what a lag T y' + y = values makes of them, starting settled.
+def lag_error(t: Array, values: Array, constants: Array) -> Array:
+    """Return input minus output (n, K) of first-order lags T y' + y = input that start settled.
 
     Args:
-        t: (K,) times [s], not decreasing; equal times are jumps.
+        t: (K,) times [s], not decreasing; two equal times are a jump of the input.
         values: (n, K) input.
-        constants: (n,) T [s]; NaN or 0 for no lag.
+        constants: (n,) T [s]; NaN or 0 for a channel without a lag.
     """
     behind = np.zeros_like(values)
     settled = ~(constants > 0.0)
@@ -32,13 +32,13 @@ def lag(t: Array, values: Array, constants: Array) -> Array:
     return behind
 
 
-def oscillation(t: Array, values: Array, frequencies: Array) -> Array:
-    """Return values less what an oscillator y'' + w^2 y = w^2 values makes of them, starting at rest.
+def oscillator_error(t: Array, values: Array, frequencies: Array) -> Array:
+    """Return input minus output (n, K) of undamped oscillators y'' + w^2 y = w^2 input that start at rest.
 
     Args:
-        t: (K,) times [s], not decreasing; equal times are jumps.
+        t: (K,) times [s], not decreasing; two equal times are a jump of the input.
         values: (n, K) input.
-        frequencies: (n,) w [rad/s]; NaN for a rigid joint.
+        frequencies: (n,) w [rad/s]; NaN or 0 for a rigid channel.
     """
     apart = np.zeros_like(values)
     rigid = ~(frequencies > 0.0)
