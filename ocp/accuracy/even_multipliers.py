@@ -12,7 +12,7 @@ from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.numerics.polynomials import slope_matrix
 from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.transcription.schemes.scheme import Control
@@ -126,7 +126,7 @@ def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
     None where H is curved in the controls.
     """
     system, rows = problem.system, []
-    H = hamiltonian(problem)
+    H = hamiltonian_of(problem)
     if not H.curvature.is_zero():
         return ca.Function(), np.zeros(0), np.zeros(0)
     for constraint in problem.subject_to:

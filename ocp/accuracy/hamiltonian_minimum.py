@@ -9,7 +9,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
-from ocp.problem.hamiltonian import Hamiltonian, hamiltonian
+from ocp.problem.hamiltonian import Hamiltonian, hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
@@ -86,7 +86,7 @@ def _box(problem: Problem, solution: Solution) -> tuple[Array, Array]:
 
 
 def _symbols(problem: Problem) -> tuple[Hamiltonian, list[ca.SX]]:
-    H = hamiltonian(problem)
+    H = hamiltonian_of(problem)
     x, u, p, costate = H.arguments
     return H, [u, x, p, costate]
 

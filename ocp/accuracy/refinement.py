@@ -16,7 +16,7 @@ from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.tolerances import Cost, Tolerance
 from ocp.checks import Array
 from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
@@ -277,6 +277,6 @@ def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float
 
 def _scheme(problem: Problem) -> Scheme:
     system = problem.system
-    curved = ca.depends_on(hamiltonian(problem).slope, system.u)
+    curved = ca.depends_on(hamiltonian_of(problem).slope, system.u)
     bounded = np.all(np.isfinite(np.concatenate(problem.limits(Where.ALONG, system.u))))
     return radau(3, Control.COLLOCATED if curved or not bounded else Control.CONSTANT)

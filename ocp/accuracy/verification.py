@@ -13,7 +13,7 @@ from ocp.accuracy.even_multipliers import even
 from ocp.checks import Array
 from ocp.integrators.simulation import simulate
 from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Free, Problem
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.sequence_solution import SequenceSolution
@@ -189,7 +189,7 @@ def _turned(solution: Solution, problem: Problem, power: ca.SX) -> Array:
 def _pontryagin(solution: Solution, problem: Problem) -> tuple[Figure, float, Figure, Figure]:
     """Return the deviation of the Hamiltonian, its mean, and the gap left by the controls."""
     system = problem.system
-    H = hamiltonian(problem)
+    H = hamiltonian_of(problem)
     function = ca.Function("H", list(H.arguments), [H.value, H.slope, ca.diag(ca.densify(H.curvature)), H.terms])
     times, x, _, u = solution.samples(solution.scheme.points)
     p = solution.parameters

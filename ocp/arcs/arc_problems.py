@@ -10,7 +10,7 @@ import numpy as np
 
 from ocp.arcs.state_limit_multipliers import Jump, Pressure
 from ocp.checks import Array
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.solution import Solution
@@ -65,7 +65,7 @@ def arc_problem(problem: Problem, scheme: Scheme, values: Mapping[str, float]) -
     system, limits = problem.system, state_limits(problem)
     expressions = ca.vertcat(ca.SX(0, 1), *(limit.chain[0] for limit in limits))
     levels = ca.Function("limits", [system.x, system.u, system.p], [ca.densify(expressions)])
-    curvature = hamiltonian(problem).curvature
+    curvature = hamiltonian_of(problem).curvature
     singular = frozenset(i for i in range(system.u.numel()) if ca.SX(curvature[i, i]).is_zero())
     return ArcProblem(problem, limits, scheme, tuple(system.values(values)), levels, singular)
 

@@ -12,7 +12,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 
 
@@ -66,7 +66,7 @@ def switching_functions(
 @functools.lru_cache(maxsize=32)
 def _slopes(problem: Problem) -> ca.Function:
     """Return the function (x, u, p, lambda) -> (dH/du, size of the terms of H, d^2H/du_i^2)."""
-    H, u = hamiltonian(problem), problem.system.u
+    H, u = hamiltonian_of(problem), problem.system.u
     slope = H.slope
     curvature = ca.vertcat(*(ca.jacobian(slope[i], u[i]) for i in range(u.numel())))
     return ca.Function("switching", list(H.arguments), [slope, H.terms, ca.densify(curvature)])

@@ -31,7 +31,7 @@ class Hamiltonian:
 
 
 @functools.lru_cache(maxsize=32)
-def hamiltonian(problem: Problem) -> Hamiltonian:
+def hamiltonian_of(problem: Problem) -> Hamiltonian:
     """Return the Hamiltonian of a problem.
 
     Args:

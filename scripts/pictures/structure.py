@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from ocp import Problem, Solution
 from ocp.arcs.switching import switching_functions
 from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.structure import Kind, Row
 from pictures.files import finish
@@ -116,7 +116,7 @@ def _along(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:
     low, high = problem.limits(Where.ALONG, system.u)
     half = np.where(np.isfinite(high - low), high - low, np.max(np.abs(u), axis=0)) / 2.0
     values = switching_functions(problem, x, u, costates, parameters).values * half
-    H = hamiltonian(problem)
+    H = hamiltonian_of(problem)
     function = ca.Function("H", list(H.arguments), [H.value])
     p = np.tile(parameters[:, None], len(t))
     level = np.array(function.map(len(t))(x.T, u.T, p, costates.T)).ravel()

@@ -121,7 +121,7 @@ def test_use_without_the_model(tmp_path):
     loaded = load(stored(tmp_path))
     assert loaded.problem is None
     np.testing.assert_array_equal(loaded.signal("x", 0.1), SOLUTION.x(0.1))
-    with pytest.raises(ValueError, match=r"loaded without its model; use load\(path, problem=...\)"):
+    with pytest.raises(ValueError, match=r"loaded without its problem; use load\(path, problem=...\)"):
         loaded.signal("power", 0.1)
     moved = simulate(axis, loaded.states[0, 0], loaded, loaded.nodes)
     np.testing.assert_allclose(moved.x, SOLUTION.x(SOLUTION.nodes), rtol=0, atol=1e-9)

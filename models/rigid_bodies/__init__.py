@@ -1,0 +1,1 @@
+"""Serial and tree arms of any shape: joints, links, recursions, URDF and DH tables."""
