@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import signal
-import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,14 +99,18 @@ def test_a_duration_below_the_speed_limit_is_found_before_solving() -> None:
     assert solve(replace(slow, horizon=Fixed(1.2)), grid=GRID).ok
 
 
-def test_ctrl_c_returns_the_last_iterate() -> None:
-    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
-    prepared = prepare(task, grid=uniform(400))
+def test_ctrl_c_returns_the_last_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluate = ipopt.Watch.eval
+
+    def pressed_in_the_third_iteration(watch: ipopt.Watch, arg: list[ca.DM]) -> list[int]:
+        if watch.count == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return evaluate(watch, arg)
+
+    monkeypatch.setattr(ipopt.Watch, "eval", pressed_in_the_third_iteration)
+    prepared = prepare(point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES), grid=uniform(50))
     before = signal.getsignal(signal.SIGINT)
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
     solution = prepared()
-    timer.cancel()
     assert solution.status is Status.STOPPED
     assert solution.solver_status == "User_Requested_Stop"
     assert np.all(np.isfinite(solution.states))
