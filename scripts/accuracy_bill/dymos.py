@@ -20,6 +20,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from benchmarks.peers import environment
 from benchmarks.problems import CASES, Case, Pin, numbers
 
 from accuracy_bill.contenders import Contender, Run
@@ -43,9 +44,9 @@ def of_dymos(method: str, limit: float) -> Contender:
     def runs(scene: Scene) -> Iterator[Run]:
         if missing() or not scene.peer or not CASES[scene.peer]().free:
             return
-        command = [sys.executable, __file__, scene.peer, method]
+        command = [sys.executable, "-m", "accuracy_bill.dymos", scene.peer, method]
         try:
-            said = subprocess.run(command, capture_output=True, timeout=limit, check=False).stdout
+            said = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=environment()).stdout
         except subprocess.TimeoutExpired as late:
             said = late.stdout or b""
         passes = [json.loads(line) for line in said.decode().splitlines() if line.startswith('{"seconds"')]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+from collections.abc import Sequence
 from statistics import median
 
 from benchmarks.problems import CASES
@@ -50,19 +51,16 @@ def measure(name: str, elements: int, repeats: int) -> str:
     )
 
 
-def main() -> None:
-    """Measure and print."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure and print; 0."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problems", nargs="+", choices=list(CASES), default=["P1", "P2", "P3"], metavar="P")
     parser.add_argument("--elements", nargs="+", type=int, default=[50, 200])
     parser.add_argument("--repeats", type=int, default=9)
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     print("             elements   plain  compiled   ratio   saved compiling     load   pays      cost")
     print("                          [s]       [s]         deriv.       [s]      [s]   from differs")
     for name in given.problems:
         for elements in given.elements:
             print(measure(name, elements, given.repeats), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+    return 0

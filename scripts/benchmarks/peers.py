@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -52,11 +53,17 @@ def missing(name: str) -> str:
     return "" if importlib.util.find_spec(MODULES[name]) else "not installed"
 
 
+def environment() -> dict[str, str]:
+    """Return the environment of a child process that imports from the same folders as this one."""
+    folders = [str(Path(folder).resolve()) for folder in sys.path if folder]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
+
+
 def run(name: str, problem: str, elements: int, limit: float) -> Outcome:
     """Run a peer in a process of its own, for at most `limit` seconds."""
-    command = [sys.executable, __file__, name, problem, str(elements)]
+    command = [sys.executable, "-m", "benchmarks.peers", name, problem, str(elements)]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=limit, check=False, text=True)
+        done = subprocess.run(command, capture_output=True, timeout=limit, check=False, text=True, env=environment())
     except subprocess.TimeoutExpired:
         return Outcome(note=f"stopped after {limit:g} s")
     said = done.stdout.splitlines()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -21,7 +20,7 @@ from reports import study_file
 from ocp import Ipopt, Solution, Study, StudyTable, radau, solve, uniform
 from ocp.studies.worker import stated
 
-FILE = Path(__file__).parent / "scenes" / "study.toml"
+FILE = Path(__file__).resolve().parents[1] / "scenes" / "study.toml"
 ROUNDS = 5  # single solves before, and as many after
 
 
@@ -97,7 +96,3 @@ def _compared(tables: dict[str, StudyTable]) -> int:
         print(f"cost {other} against {one}: {away[best]:+.2e} (case {best}) to {away[worst]:+.2e} (case {worst}), "
               f"median {np.nanmedian(away):+.2e}, above 1e-5 in {int(np.sum(away > 1e-5))} cases")  # fmt: skip
     return wrong
-
-
-if __name__ == "__main__":
-    sys.exit(main())

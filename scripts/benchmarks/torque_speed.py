@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import resource
-import sys
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -90,7 +89,3 @@ def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
 def _peak() -> float:
     """Return the largest memory of this process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

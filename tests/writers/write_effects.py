@@ -1,4 +1,4 @@
-"""Write docs/effects.md, what every effect adds and what it costs: python tests/write_effects.py."""
+"""Write docs/effects.md, what every effect adds and what it costs: python tests/writers/write_effects.py."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 from statistics import median
 
 import casadi as ca
-from catalogue.machines import instructions
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-from time_optimal import TASKS
+sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "scripts"))
+
+from catalogue.machines import instructions
 
 import models.effects as catalogue
 from models.effects import (
@@ -32,14 +32,16 @@ from models.effects import (
     WindingHeat,
 )
 from models.forms import canonical
+from models.scenes.scene_template import TASKS
 from ocp import point_to_point, solve, uniform
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects.md"
 RUNS, ELEMENTS = 3, 30
 HEAD = """# Effects: what each adds, and what it costs
 
-`python tests/write_effects.py` writes this page. Each effect alone on the default machine, canonical form, frame
-`regular`: the number of instructions of x' = f(x, u) with it (and how many more than without any effect), and the OCP
-of `scripts/time_optimal.py` ({elements} elements of `radau(3)`) relative to the same one without effects, median of
+`python tests/writers/write_effects.py` writes this page. Each effect alone on the default machine, canonical form,
+frame `regular`: the number of instructions of x' = f(x, u) with it (and how many more than without any effect), and the
+OCP of `scripts/time_optimal.py` ({elements} elements of `radau(3)`) relative to the same one without effects, median of
 {runs} runs: set-up / solve, iterations. Ratios matter: an effect changes the optimal motion, and with it the number of
 iterations. An effect that is not listed leaves no trace: the tests count instructions, states, parameters and sparsity
 of every machine in every form.
@@ -140,7 +142,7 @@ def main() -> None:
             row.append(f"{count} (+{count - base}) | {ratio}")
             print(name, case, row[-1], flush=True)
         text += f"| {case} | {' | '.join(row)} |\n"
-    Path("docs/effects.md").write_text(text, encoding="utf-8")
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

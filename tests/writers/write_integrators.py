@@ -1,14 +1,18 @@
-"""Write docs/integrators.md, measured orders and long-time energy: python tests/write_integrators.py."""
+"""Write docs/integrators.md, measured orders and long-time energy: python tests/writers/write_integrators.py."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+
+sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "scripts"))
 
 from integrators.test_integrators import FIXED, energy_errors, measured_order
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "integrators.md"
 HEAD = """# Integrators, measured
 
-`python tests/write_integrators.py` writes this page; the tests hold every order to the theory within 0.35.
+`python tests/writers/write_integrators.py` writes this page; the tests hold every order to the theory within 0.35.
 
 `simulate(system, x0, control, times, method=...)` takes any of `ocp.integrators`. With error control: `extrapolation`
 (order 16, the default), `dormand_prince_5`, `dormand_prince_8`, `radau_5` (stiff), `adams` and `bdf` (CVODES). With
@@ -63,7 +67,7 @@ def main() -> None:
         errors = energy_errors(FIXED[name][0], 0.01)
         word = "bounded" if errors[-1] < 1.3 * errors[0] else f"{errors[-1] / errors[0]:.0f} times"
         energy.append(f"| `{name}` | {errors[0]:.1e} | {errors[-1]:.1e} | {word} |\n")
-    Path("docs/integrators.md").write_text(HEAD + "".join(rows) + ENERGY + "".join(energy) + WHERE, encoding="utf-8")
+    PAGE.write_text(HEAD + "".join(rows) + ENERGY + "".join(energy) + WHERE, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,11 @@
-"""Write docs/scenes.md from the example scenes and the broken ones: python tests/write_scenes.py."""
+"""Write docs/scenes.md from the example scenes and the broken ones: python tests/writers/write_scenes.py."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
+sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "scripts"))
 
 from catalogue.broken_scenes import BROKEN, SOUND
 from reports import effect_budget as budget

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "scripts"))
+
 from hard_cases import picture
 from hard_cases.case import Finding, run
 from hard_cases.suite import CASES

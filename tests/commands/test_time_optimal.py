@@ -1,15 +1,13 @@
-"""The README runs as printed, and the command of the main job keeps its promises."""
+"""The command `time_optimal.py`: files, figures, exit status and messages."""
 
 from __future__ import annotations
 
 import csv
 import json
-import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,38 +15,12 @@ import pytest
 from ocp import load
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-STORIES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(ROOT / "scripts" / "time_optimal.py"), *arguments]
     environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MPLCONFIGDIR": tempfile.gettempdir()}
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=ROOT)
-
-
-def test_there_are_the_stories_and_effects() -> None:
-    assert len(STORIES) == 6
-
-
-@pytest.mark.parametrize("number", range(len(STORIES)))
-def test_a_story_runs_as_printed(
-    number: int, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {}
-    # The module of a dataclass must exist while it is made.
-    names["__name__"] = __name__
-    exec(compile(STORIES[number], f"README story {number}", "exec"), names)
-    printed = capsys.readouterr().out
-    if number == 0:
-        assert "verified" in printed
-        assert "not verified" not in printed
-    if number == 2:
-        assert "15 cases: 15 solved" in printed
-        durations = names["table"].grid("duration")
-        assert np.all(np.diff(durations, axis=0) > 0.0)
-        assert np.all(np.diff(durations, axis=1) < 0.0)
 
 
 def test_the_main_job(tmp_path: Path) -> None:
