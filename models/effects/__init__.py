@@ -1,4 +1,4 @@
-"""Effects: each adds its own Terms to a machine, or is not there at all."""
+"""Effects such as gravity and friction; each adds its own Terms to a machine. `Terms` is what an effect returns."""
 
 from models.effects.counterbalance import Counterbalance
 from models.effects.drive import ElasticDrive, LaggedDrive
@@ -10,6 +10,12 @@ from models.effects.motor import MotorDrive, WindingHeat
 from models.effects.payload import Payload
 from models.effects.rotor import RotorInertia
 from models.effects.tool_force import ToolForce
+
+# For users who write an effect; __all__ lists the effects themselves.
+from models.mechanics.terms import Quantity as Quantity
+from models.mechanics.terms import Read as Read
+from models.mechanics.terms import State as State
+from models.mechanics.terms import Terms as Terms
 
 __all__ = [
     "Coulomb", "Counterbalance", "ElasticDrive", "Gravity", "JointStop", "LaggedDrive", "MotorDrive", "Payload",

@@ -1,4 +1,4 @@
-"""Counterweights and springs that carry part of the weight."""
+"""Counterweights and springs that balance part of the weight."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ class Counterbalance:
             metric = ca.sparsify(mass * point_metric(point, body.orientation, machine.q))
             own += Terms(metric=metric, bodies=(Body("counterweight", mass, point, body.orientation, ca.SX(3, 3)),))
         if isinstance(stiffness, ca.SX) or stiffness > 0.0:
-            span = simplified(column.T @ point, machine.q) - ca.vertcat(*fields["anchor"])
-            squared, free = ca.sumsqr(span), fields["free_length"]
+            spring_vector = simplified(column.T @ point, machine.q) - ca.vertcat(*fields["anchor"])
+            squared, free = ca.sumsqr(spring_vector), fields["free_length"]
             slack = isinstance(free, float) and free == 0.0
             own += Terms(potential=stiffness * (squared if slack else (ca.sqrt(squared) - free) ** 2) / 2)
         return own

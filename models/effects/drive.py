@@ -1,4 +1,4 @@
-"""Drives that do not deliver the torque at once: a lag, and joints that yield."""
+"""Drives with dynamics of their own: a first-order lag, and elastic joints."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ElasticDrive:
     """Joints that yield between motor and link, J theta'' = tau_motor - tau, tau = k (theta - q) + d (theta' - v).
 
     theta is the position of the motor in units of its joint, J = N^2 J_rotor the rotor inertia reflected to it. The
-    rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, whose place it takes.
+    rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, which it replaces.
 
     Adds two states for each elastic joint, `motor_q_<coordinate>` and `motor_v_<coordinate>`, and makes the control the
     torque of the motors, the signal "motor_tau"; "motor_q" and "motor_v" are signals, "tau" is the force on the joint,

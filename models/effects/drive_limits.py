@@ -1,4 +1,4 @@
-"""What the drives can do: limits along every motion, made of torque and speed."""
+"""Limits of drives that combine torque and speed, kept along every motion."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class PowerLimit:
 
 
 def motors(machine: Manipulator, reader: str) -> tuple[ca.SX, ca.SX, tuple[Read, ...]]:
-    """Return symbols for torque and velocity of the motors (n,), and what reads them.
+    """Return symbols for torque and velocity of the motors (n,), and the Reads that connect them.
 
     Args:
         machine: whose motors.

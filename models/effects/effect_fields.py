@@ -1,4 +1,4 @@
-"""Fields of effects: numbers with a unit, alike for all drives or one for each, that may stay symbols."""
+"""Fields of effects: numbers with a unit, one for all drives or one for each, that may stay symbols."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from models.machines.parameters import Parameter, Value, number
 from models.mechanics.terms import Effect, Quantity, Terms, name_of
 from ocp import checks
 
-Entry = ca.SX | float  # what enters the graph
+Entry = ca.SX | float  # number or symbol in the graph
 Each = Value | Sequence[Value]  # one value for all drives, or one for each
 Some = Value | Sequence[Value | None]  # the same, None for drives that have none
 
@@ -31,8 +31,8 @@ def quantity(
 
     Args:
         unit: SI unit.
-        default: value, none if not given.
-        above, at_least: limits of the value.
+        default: default value; without one the field is required.
+        above, at_least: the value must be > above, or >= at_least.
         scalar: whether it is one number, not one for each drive or component.
     """
     about = {"unit": unit, "above": above, "at_least": at_least, "scalar": scalar}
@@ -41,7 +41,7 @@ def quantity(
 
 @dataclass(frozen=True, eq=False)
 class Fields:
-    """Checked fields of one effect: what enters the graph, and the parameters that stay symbols."""
+    """Checked fields of one effect: numbers or symbols for the graph, and nominal values of the symbols."""
 
     prefix: str
     entries: Mapping[str, Entry | tuple[Entry | None, ...] | None]
@@ -68,14 +68,14 @@ class Fields:
         return value
 
 
-def present(fields: Fields, name: str, place: int, value: Any) -> Any:
-    """Return the entry of a drive where one is needed.
+def present(fields: Fields, name: str, drive: int, value: Any) -> Any:
+    """Return the entry of a drive; raise if it is None although the other fields of this drive have numbers.
 
     Raises:
         ValueError: the drive has None there.
     """
     if value is None:
-        raise ValueError(f"{fields.prefix}.{name}_{place + 1}: got None, expected a number, as this drive has the rest")
+        raise ValueError(f"{fields.prefix}.{name}_{drive + 1}: got None, expected a number, as this drive has the rest")
     return value
 
 
@@ -84,7 +84,7 @@ def read_fields(effect: Effect, *names: str) -> Fields:
 
     Args:
         effect: a dataclass.
-        names: of the fields; all that have a unit if not given.
+        names: of the fields; all fields with a unit if empty.
 
     Raises:
         ValueError: a value is not a finite number (or not a list of them), or is out of its range.
@@ -127,8 +127,8 @@ def read_fields(effect: Effect, *names: str) -> Fields:
 
 def names_of(machine: Manipulator, prefix: str, chosen: Sequence[int] | None = None) -> tuple[str, ...]:
     """Return the names prefix_coordinate of all drives, or of the chosen ones."""
-    places = range(len(machine.coordinates)) if chosen is None else chosen
-    return tuple(f"{prefix}_{machine.coordinates[i].name}" for i in places)
+    indices = range(len(machine.coordinates)) if chosen is None else chosen
+    return tuple(f"{prefix}_{machine.coordinates[i].name}" for i in indices)
 
 
 def units_of(machine: Manipulator, suffix: str = "", force: bool = False) -> tuple[str, ...]:
@@ -144,7 +144,7 @@ def bounded(
     unit: str | tuple[str, ...],
     both: bool = True,
 ) -> Terms:
-    """Return a limit of the size of every component as Terms: of a signal, or of its share of limits that are symbols.
+    """Return Terms with a limit |component| <= limit of a signal; if a limit is a symbol, of signal / limit instead.
 
     Args:
         name: of the signal; `name`_share for the share.
@@ -152,7 +152,7 @@ def bounded(
         limit: (m,) numbers or symbols, None for no limit.
         components: (m,) names.
         unit: of the signal, one for all components or one for each.
-        both: whether the limit holds for both signs.
+        both: whether the limit applies to both signs.
     """
     numbers = [float("inf") if value is None else value for value in limit]
     if all(value is None for value in limit):

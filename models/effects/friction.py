@@ -55,7 +55,7 @@ class Viscous:
 
 @dataclass(frozen=True)
 class Coulomb:
-    """Dry friction of constant size against the motion of each joint, smoothed, Q = -f tanh(v / width).
+    """Dry friction of constant absolute value against the motion of each joint, smoothed, Q = -f tanh(v / width).
 
     The force is within 1 % of f from |v| = 2.65 width on, |Q| / f = 1 - 2 exp(-2 |v| / width); below, the joint
     creeps instead of sticking: under a force F < f it drifts with v = width artanh(F / f). A stop from the speed v0

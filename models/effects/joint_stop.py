@@ -15,9 +15,9 @@ from models.mechanics.terms import Terms
 class JointStop:
     """Smooth one-sided springs with dampers at the ends of a joint, Q = -k s(e) (1 + d de/dt) beyond the upper one.
 
-    e = q - upper (lower - q at the other end) is the way beyond the end, s(e) = (e + sqrt(e^2 + width^2)) / 2 a smooth
-    max(e, 0): too large by width / 2 at the end and by width^2 / (4 |e|) away from it, on both sides. The spring is a
-    potential, the damper grows with the way, so that the force starts from zero and hardly ever pulls.
+    e = q - upper (lower - q at the other end) is the distance beyond the end, s(e) = (e + sqrt(e^2 + width^2)) / 2 a
+    smooth max(e, 0): too large by width / 2 at the end and by width^2 / (4 |e|) away from it, on both sides. The spring
+    has a potential; the damper grows with e, so that the force starts from zero and is hardly ever attractive.
 
     Adds a force, the energy of the springs, and k s d v^2 to the signal "loss"; no states, no controls, the parameters
     `joint_stop.lower_1`, ..., `joint_stop.stiffness`, ... if they are Parameters.
@@ -26,7 +26,7 @@ class JointStop:
         lower, upper: ends of the joints, one for each (None: no stop) [rad or m].
         stiffness: k > 0, one for all joints or one for each [N m/rad or N/m].
         damping: d >= 0, one for all joints or one for each [s/rad or s/m].
-        width: way of smoothing > 0, one for all joints or one for each [rad or m].
+        width: distance of smoothing > 0, one for all joints or one for each [rad or m].
 
     Raises:
         ValueError: a value is no finite number in its range.
@@ -51,12 +51,12 @@ class JointStop:
         columns = {"stiffness": stiffness, "damping": damping, "width": width}
         spring, force = ca.SX(0), ca.SX(n, 1)
         for name, sign in (("lower", -1.0), ("upper", 1.0)):
-            for i, place in enumerate(fields.each(name, machine)):
-                if place is None:
+            for i, stop in enumerate(fields.each(name, machine)):
+                if stop is None:
                     continue
                 for other, column in columns.items():
                     present(fields, other, i, column[i])
-                beyond = sign * (machine.q[i] - place)
+                beyond = sign * (machine.q[i] - stop)
                 root = ca.sqrt(beyond**2 + width[i] ** 2)
                 force[i] -= stiffness[i] * (beyond + root) / 2 * (sign + damping[i] * machine.v[i])
                 # The integral of s.

@@ -56,8 +56,8 @@ class Payload:
         if moments[0] < -slack or moments[2] > moments[0] + moments[1] + slack:
             listed = ", ".join(f"{moment:g}" for moment in moments)
             raise ValueError(
-                f"payload.inertia: principal moments {listed} kg m^2, expected none < 0 and none larger than the sum "
-                "of the others; no rigid body has them"
+                f"payload.inertia: principal moments {listed} kg m^2, expected all >= 0 and the largest at most the "
+                "sum of the others; no rigid body has them"
             )
 
     @classmethod

@@ -34,7 +34,7 @@ class ToolForce:
     Args:
         force: (3,) F, or a function that returns it [N].
         moment: (3,) M, or a function that returns it [N m].
-        of: names of the signals that the functions are called with, in order: "time", "q", "v", "tool" (place),
+        of: names of the signals that the functions are called with, in order: "time", "q", "v", "tool" (position),
             "tool_v" (velocity), "motor_q", "motor_v", or a scalar signal or state of another effect.
         in_tool_axes: whether F and M are components in the axes of the last body instead of the inertial frame.
 
@@ -104,9 +104,9 @@ class ToolForce:
             returned = getattr(self, name)(*arguments)
             vector = returned if isinstance(returned, ca.SX) else ca.SX(ca.vertcat(*returned))
         except Exception as error:
-            told = checks.shown(str(error).split("\n", 1)[0])
+            reason = checks.shown(str(error).split("\n", 1)[0])
             raise ValueError(
-                f"tool_force.{name}: the function of {', '.join(self.of)} failed ({told}), expected one that returns "
+                f"tool_force.{name}: the function of {', '.join(self.of)} failed ({reason}), expected one that returns "
                 "three expressions"
             ) from error
         known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*arguments))}

@@ -1,4 +1,4 @@
-"""The last step that all forms share: mechanics in chosen velocity coordinates become a System."""
+"""From the equations of motion of a form to a System with named signals; shared by all forms."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ocp.system import Label, System
 class Equations:
     """Equations of motion in velocity coordinates of a form."""
 
-    frame: Frame  # in which w is meant
-    symbol: ca.SX  # (n,) symbols of v, w or p, whichever the form has as state
+    frame: Frame  # of the quasi-velocities w
+    symbol: ca.SX  # (n,) symbols of the second half of the state: v, w or p
     w: ca.SX  # (n,) quasi-velocities in terms of q and symbol
     v: ca.SX  # (n,) velocities dq/dt in terms of q and symbol
     rate: ca.SX  # (n,) d(symbol)/dt
@@ -33,10 +33,10 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
 
     Args:
         mechanics: machine and effects.
-        form: makes the equations of motion from the mechanics.
+        form: function that returns the equations of motion of the mechanics.
 
     Raises:
-        ValueError: an effect defines a signal that every machine has, or reads one that nobody defines.
+        ValueError: an effect defines a signal that every machine has, or reads one that no effect defines.
     """
     machine, terms, states = mechanics.machine, mechanics.terms, mechanics.terms.states
     equations = form(mechanics)
@@ -92,7 +92,7 @@ def _rate(mechanics: Mechanics, equations: Equations) -> tuple[ca.SX, ca.SX, ca.
 
 
 def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantity]:
-    """Return the signals that do not depend on which effects there are, and those of the drives and of losses."""
+    """Return the signals of every machine, and those of elastic motors, losses and states at rest if there are any."""
     machine, terms = mechanics.machine, mechanics.terms
     names, units = tuple(c.name for c in machine.coordinates), tuple(c.unit for c in machine.coordinates)
     forces = tuple(c.force_unit for c in machine.coordinates)
@@ -117,16 +117,17 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantit
         results["loss"] = Quantity(terms.dissipation - ca.dot(lost, machine.v), "W")
     held = mechanics.at_rest()
     if held:
-        size = machine.q.numel()
+        n = machine.q.numel()
         rest = ca.vertcat(machine.v, *held)
-        results["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - size))
+        results["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - n))
     return results
 
 
 def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tuple[str, ...]:
-    """Say which entries of the metric are off the diagonal in the frame, what put them there, and its price.
+    """Return a note on the off-diagonal entries of the metric in the frame, or none if it is diagonal.
 
-    The price of an effect is the number of instructions of the rate with it, `count`, less that without it.
+    The note names the effects that cause them, each with its instruction count: that of the rate with all effects,
+    `count`, minus that of the rate without this one.
     """
     if frame.diagonal:
         return ()
@@ -142,8 +143,8 @@ def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tupl
         if not pulled.sparsity().is_subset(diagonal):
             rest = Mechanics(mechanics.machine, tuple(other for other in mechanics.parts if other is not part))
             *inputs, rate = _rate(rest, form(rest))
-            price = count - ca.Function("rate", inputs, [rate]).n_instructions()
-            culprits.append(f"the effect {part.name} (for {price} of {count} instructions)")
+            added = count - ca.Function("rate", inputs, [rate]).n_instructions()
+            culprits.append(f"the effect {part.name} (for {added} of {count} instructions)")
     by = " and ".join(culprits)
     return (
         f"the metric is not diagonal in the frame {frame.name!r}: the quasi-velocities {pairs} are coupled by {by}; "

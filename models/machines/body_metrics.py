@@ -1,4 +1,4 @@
-"""Metric and angular velocity of bodies from their placement, with what does not matter left out of the graph."""
+"""Metric and angular velocity of a body from its placement; zero entries and idle coordinates leave the graph."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ def point_metric(point: ca.SX, orientation: ca.SX, q: ca.SX) -> ca.SX:
     """Return the metric (n, n) of a unit point mass, J' J with J = R' d(point)/dq.
 
     Args:
-        point: (3,) place [m].
-        orientation: (3, 3) R of a body that moves along; any rotation, the best one leaves most of J constant.
+        point: (3,) position [m].
+        orientation: (3, 3) R of a body that carries the point. The metric is the same for every rotation; the axes of
+            the body make most entries of J constant, which gives the shortest graph.
         q: (n,) coordinates.
     """
     slope = simplified(orientation.T @ ca.jacobian(point, q), q)
@@ -47,9 +48,10 @@ def angular_velocity(orientation: ca.SX, q: ca.SX) -> ca.SX:
 
 
 def simplified(matrix: ca.SX, q: ca.SX) -> ca.SX:
-    """Return a matrix with every coordinate that an entry does not depend on set to zero there, and zeros dropped.
+    """Return the same matrix with a shorter graph: vanishing entries are dropped, idle coordinates set to zero.
 
-    A graph cannot be simplified far enough to see that; it is found by numbers, with every free symbol sampled.
+    Symbolic simplification does not find that sin(q)^2 + cos(q)^2 - 1 vanishes or does not depend on q. Both are
+    detected numerically here, at sampled values of every free symbol.
 
     Args:
         matrix: (m, n) expressions in q and other symbols.
@@ -61,15 +63,15 @@ def simplified(matrix: ca.SX, q: ca.SX) -> ca.SX:
     values = np.random.default_rng(20260102).uniform(0.3, 1.7, (len(symbols), SAMPLES))
     outputs = [entries, ca.jacobian(entries, q)]
     function = ca.Function("entries", [ca.vertcat(*symbols)], [ca.densify(output) for output in outputs])
-    size, slope = (np.array(part) for part in function.map(SAMPLES)(values))
-    size = np.max(np.abs(size), axis=1)
+    largest, slope = (np.array(part) for part in function.map(SAMPLES)(values))
+    largest = np.max(np.abs(largest), axis=1)
     slope = np.max(np.abs(slope).reshape(entries.numel(), SAMPLES, q.numel()), axis=1)
-    floor = 100.0 * NEGLIGIBLE * max(float(np.max(size)), 1e-300)
+    floor = 100.0 * NEGLIGIBLE * max(float(np.max(largest)), 1e-300)
     result = ca.SX(*matrix.shape)
     for k in range(entries.numel()):
-        if size[k] <= floor:
+        if largest[k] <= floor:
             continue
-        idle = [i for i in range(q.numel()) if slope[k, i] <= 100.0 * NEGLIGIBLE * size[k]]
+        idle = [i for i in range(q.numel()) if slope[k, i] <= 100.0 * NEGLIGIBLE * largest[k]]
         entry = entries[k]
         if idle:
             entry = ca.substitute(entry, q[idle], ca.SX.zeros(len(idle)))
@@ -78,5 +80,5 @@ def simplified(matrix: ca.SX, q: ca.SX) -> ca.SX:
 
 
 def about_axis(moment: ca.SX | float) -> ca.SX:
-    """Return the inertia (3, 3) of a body that only turns about its third axis; the rest plays no part."""
+    """Return the inertia (3, 3) of a body that only turns about its third axis: diag(0, 0, moment)."""
     return ca.sparsify(ca.diag(ca.vertcat(0, 0, ca.SX(moment))))

@@ -1,4 +1,4 @@
-"""Symbolic factorisation of a symmetric positive definite matrix, with its zeros used."""
+"""Symbolic factorisation M = L D L' of a symmetric positive definite matrix that skips its structural zeros."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Factors:
     def forward(self, right: ca.SX) -> ca.SX:
         """Return L^-1 right, right of shape (n,)."""
         entries = ca.vertsplit(ca.densify(right))
-        for place, k in enumerate(self.order):
-            for i in self.order[place + 1 :]:
+        for position, k in enumerate(self.order):
+            for i in self.order[position + 1 :]:
                 if self.lower.has_nz(i, k):
                     entries[i] = entries[i] - self.lower[i, k] * entries[k]
         return ca.vertcat(*entries)
@@ -32,16 +32,16 @@ class Factors:
     def backward(self, right: ca.SX) -> ca.SX:
         """Return L'^-1 right, right of shape (n,)."""
         entries = ca.vertsplit(ca.densify(right))
-        for place in reversed(range(len(self.order))):
-            k = self.order[place]
-            for i in self.order[place + 1 :]:
+        for position in reversed(range(len(self.order))):
+            k = self.order[position]
+            for i in self.order[position + 1 :]:
                 if self.lower.has_nz(i, k):
                     entries[k] = entries[k] - self.lower[i, k] * entries[i]
         return ca.vertcat(*entries)
 
 
 def factorise(matrix: ca.SX, order: Sequence[int] | None = None) -> Factors:
-    """Factorise M = L D L' symbolically, zeros never touched.
+    """Factorise M = L D L' symbolically; structural zeros cause no operations.
 
     Args:
         matrix: (n, n) symmetric positive definite.
@@ -62,8 +62,8 @@ def factorise(matrix: ca.SX, order: Sequence[int] | None = None) -> Factors:
         coupled = [i for i in left if _key(i, k) in rest]
         for i in coupled:
             lower[i, k] = rest[_key(i, k)] / pivots[k]
-        for place, i in enumerate(coupled):
-            for j in coupled[: place + 1]:
+        for position, i in enumerate(coupled):
+            for j in coupled[: position + 1]:
                 rest[_key(i, j)] = rest.get(_key(i, j), ca.SX(0)) - lower[i, k] * rest[_key(j, k)]
     return Factors(lower, pivots, tuple(done))
 

@@ -1,4 +1,4 @@
-"""Frames of quasi-velocities w = F(q) v: orthogonal ones from a factorisation, given ones with their metric."""
+"""Frames of quasi-velocities w = F(q) v: orthogonal ones from a factorisation of the metric, others in closed form."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from models.machines.factorisation import Factors, factorise
 
-# Off-diagonal entries below this share of sqrt(g_aa g_bb) at every sampled state count as zero.
+# An off-diagonal entry g_ab below this multiple of sqrt(g_aa g_bb) at every sampled state counts as zero.
 NEGLIGIBLE = 1e-14
 SAMPLES = 12
 
@@ -24,7 +24,7 @@ class Frame:
     matrix: ca.SX  # (n, n) F(q)
     inverse: ca.SX  # (n, n) S(q)
     metric: ca.SX  # (n, n) g'(q)
-    vanishes: str = ""  # what vanishes with det F(q), in the words of the machine; empty: det F
+    vanishes: str = ""  # factor of det F(q) that vanishes at the singularity, such as "sin(theta)"; empty: det F itself
 
     @property
     def diagonal(self) -> bool:
@@ -85,7 +85,7 @@ def _orthogonal(name: str, q: ca.SX, factors: Factors) -> Frame:
 
 
 def curl(frame: Frame) -> list[tuple[int, int, int, ca.SX]]:
-    """Return the non-zero d_i F_aj - d_j F_ai as (a, i, j, entry); none for a holonomic frame.
+    """Return the non-zero d_i F_aj - d_j F_ai as (a, i, j, entry); an empty list if the frame is holonomic.
 
     Source: P. Maisser, Modellgleichungen fuer Manipulatoren, the bracket of (1.5).
     """
@@ -125,8 +125,8 @@ def partial_derivative(matrix: ca.SX, variable: ca.SX) -> ca.SX:
 def without_negligible(metric: ca.SX, q: ca.SX) -> ca.SX:
     """Drop off-diagonal entries that vanish at every one of a set of sampled states.
 
-    A pulled-back metric may be diagonal without its graph showing it; a graph cannot be simplified that far, so the
-    zeros are found by numbers, with every free symbol sampled.
+    A metric that is diagonal in a frame may have off-diagonal expressions that cancel. Symbolic simplification does
+    not find that, so they are evaluated at sampled values of every free symbol.
     """
     symbols = ca.symvar(ca.vertcat(metric[:], q))
     n = metric.shape[0]
@@ -136,7 +136,7 @@ def without_negligible(metric: ca.SX, q: ca.SX) -> ca.SX:
     result = ca.SX(metric)
     for a in range(n):
         for b in range(a):
-            size = np.sqrt(np.abs(samples[a, :, a] * samples[b, :, b]))
-            if np.all(np.abs(samples[a, :, b]) <= NEGLIGIBLE * size):
+            scale = np.sqrt(np.abs(samples[a, :, a] * samples[b, :, b]))
+            if np.all(np.abs(samples[a, :, b]) <= NEGLIGIBLE * scale):
                 result[a, b] = result[b, a] = 0.0
     return ca.sparsify(result)

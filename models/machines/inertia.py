@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-# A body of measured data is allowed this relative slack in the triangle inequality.
+# Relative tolerance of the triangle inequality, for the rounding of measured data.
 ROUNDING = 1e-9
 
 

@@ -9,20 +9,20 @@ import numpy as np
 
 from ocp.checks import Array
 
-TINY = 1e-12  # share of the size of the machine that is rounding
-NEAR = 1e-6  # share within which a point counts as singular
+TINY = 1e-12  # distances below this multiple of the dimensions of the machine are rounding errors
+NEAR = 1e-6  # a point closer than this multiple of the dimensions to a singularity counts as singular
 
 
 @dataclass(frozen=True, eq=False)
 class Configurations:
     """All solutions of tool(q) = point for K points.
 
-    A coordinate that may have any value is NaN. Rows of points that cannot be reached hold the nearest solution.
+    A coordinate that may have any value is NaN. A point that cannot be reached has the configurations nearest to it.
     """
 
     q: Array  # (K, m, n) [rad or m], angles in (-pi, pi]
-    branches: tuple[str, ...]  # (m,) what tells the solutions apart
-    unreachable: Mapping[str, Array]  # reason -> (K,) whether it holds
+    branches: tuple[str, ...]  # (m,) names of the solutions, such as "ahead, q3 >= 0"
+    unreachable: Mapping[str, Array]  # reason -> (K,) whether it applies
     singular: Mapping[str, Array]  # name of the singularity -> (K,) whether the point is at it
 
     @property
@@ -53,10 +53,10 @@ def wrapped(angle: Array) -> Array:
 def continuous(
     configurations: Configurations, angular: Array, near: Array | None, limits: tuple[Array, Array]
 ) -> Array:
-    """Return one solution for each point, so that the whole path turns as little as possible.
+    """Return one solution for each point such that the path through joint space is as short as possible.
 
-    The shortest path through the graph of all solutions, angles continued beyond pi; a coordinate that may have any
-    value keeps the last one, at the beginning of the path the next one.
+    This is the shortest path through the graph of all solutions (dynamic programming). Angles are continued beyond
+    pi; a coordinate that may have any value keeps the last value, at the beginning of the path the next one.
 
     Args:
         configurations: of the points of a path, in order.
@@ -75,19 +75,19 @@ def continuous(
     cost = np.where(_lost(q[0], configurations.q[0]), np.inf, 0.0)
     if near is not None:
         cost = cost + np.linalg.norm(_step(q[0], start[None], angular), axis=-1)[:, 0] ** 2
-    came = np.zeros((count, branches), dtype=int)
+    predecessor = np.zeros((count, branches), dtype=int)
     for k in range(1, count):
         move = np.linalg.norm(_step(q[k], q[k - 1], angular), axis=-1)  # (m now, m before)
         total = np.where(np.isinf(cost)[None], np.inf, move**2 + cost[None])
-        came[k] = np.argmin(total, axis=1)
-        cost = np.where(_lost(q[k], configurations.q[k]), np.inf, total[np.arange(branches), came[k]])
+        predecessor[k] = np.argmin(total, axis=1)
+        cost = np.where(_lost(q[k], configurations.q[k]), np.inf, total[np.arange(branches), predecessor[k]])
         if not np.any(np.isfinite(cost)):
             return np.full((count, n), np.nan)
-    place = int(np.argmin(cost))
+    best = int(np.argmin(cost))
     chosen = np.empty((count, n))
     for k in range(count - 1, -1, -1):
-        chosen[k] = q[k, place]
-        place = came[k, place]
+        chosen[k] = q[k, best]
+        best = predecessor[k, best]
     return continued(chosen, angular, near)
 
 
@@ -109,13 +109,13 @@ def continued(q: Array, angular: Array, near: Array | None) -> Array:
 
 
 def _step(now: Array, before: Array, angular: Array) -> Array:
-    """Return the smallest differences (m, m', n); none for a free coordinate."""
+    """Return the smallest differences (m, m', n); 0 for a free coordinate."""
     step = now[:, None] - before[None]
     return np.asarray(np.nan_to_num(np.where(angular, wrapped(step), step), nan=0.0))
 
 
 def _within(q: Array, angular: Array, limits: tuple[Array, Array]) -> Array:
-    """Return the solutions with those outside the limits made NaN in all coordinates, angles turned into them."""
+    """Return the solutions with full turns added to get inside the limits, and NaN for those that stay outside."""
     low, high = limits
     turned = q + np.where(angular & (q < low - TINY), 2.0 * np.pi, 0.0)
     turned = turned - np.where(angular & (turned > high + TINY), 2.0 * np.pi, 0.0)

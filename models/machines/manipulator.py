@@ -27,7 +27,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive as the source names it: its moment or force is `sign` times tau along the coordinate."""
+    """A drive with its name in Maisser's paper: its moment or force is `sign` times tau along the coordinate."""
 
     name: str
     sign: int
@@ -38,7 +38,7 @@ class Body:
     """A rigid body; its placement depends on the coordinates q of the manipulator."""
 
     name: str
-    mass: ca.SX | float  # [kg]; 0 where the mass does not move and no parameter of the machine
+    mass: ca.SX | float  # [kg]; 0 for a body that only turns, whose mass has no effect
     centre: ca.SX  # (3,) mass centre in the inertial frame, e_3 upwards [m]
     orientation: ca.SX  # (3, 3) rotation matrix, columns = body axes
     inertia: ca.SX  # (3, 3) tensor about the mass centre, body axes [kg m^2]
@@ -46,7 +46,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class Manipulator:
-    """A manipulator: T = 1/2 v' g(q) v with the metric g in closed form, and what moves along."""
+    """A manipulator with kinetic energy T = 1/2 v' g(q) v: metric g in closed form, bodies, tool, drives, frames."""
 
     name: str
     coordinates: tuple[Coordinate, ...]
@@ -80,8 +80,8 @@ class Manipulator:
             ValueError: no such frame, or the frame is singular for these parameters.
         """
         if not isinstance(name, str) or name not in self.frames:
-            told = checks.shown(name)
-            raise ValueError(f"{self.name} has no frame {told}; it has {', '.join(self.frames)}")
+            given = checks.shown(name)
+            raise ValueError(f"{self.name} has no frame {given}; it has {', '.join(self.frames)}")
         n = len(self.coordinates)
         if added is not None:
             checks.expression("added", added, f"a metric ({n}, {n}) as an expression, or None")

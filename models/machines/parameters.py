@@ -37,7 +37,7 @@ Default = float | Parameter | Follows
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """Checked parameters of one call: what enters the graph, and its numerical value."""
+    """Checked parameters of one call: numbers or symbols for the graph, and the nominal values."""
 
     entries: Mapping[str, ca.SX | float]  # name -> number (folded in) or symbol
     nominal: Mapping[str, float]  # name -> number, SI
@@ -60,8 +60,8 @@ def number(name: str, value: object, unit: str) -> float:
     """
     expected = f"one finite number in {unit}"
     if isinstance(value, ca.SX | ca.MX):
-        told = f"{name}: got the symbol {checks.shown(value)}, expected {expected}"
-        raise ValueError(f"{told}, or Parameter(number) for one that stays a symbol")
+        message = f"{name}: got the symbol {checks.shown(value)}, expected {expected}"
+        raise ValueError(f"{message}, or Parameter(number) for one that stays a symbol")
     return checks.number(name, value, expected)
 
 
@@ -95,7 +95,7 @@ def read(given: Mapping[str, Default], unit_of: Callable[[str], str], prefix: st
 
 
 def lists_its_parameters(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Make a keyword-only function answer a wrong name with the right ones."""
+    """Return a keyword-only function whose TypeError for an unknown argument lists all parameters."""
     known = tuple(inspect.signature(function).parameters)
 
     @functools.wraps(function)

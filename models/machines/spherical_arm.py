@@ -87,12 +87,12 @@ def spherical(
     theta, psi, phi, r = ca.vertsplit(q)
     s2, m2, m3, spin = p["s_2"], p["m_2"], p["m_3"], p["Theta_3_33"]
     mean, half_difference = (p["Theta_3_11"] + p["Theta_3_22"]) / 2, (p["Theta_3_11"] - p["Theta_3_22"]) / 2
-    # For Theta_3_11 = Theta_3_22 the difference is the number 0, and CasADi drops every term with it.
+    # For Theta_3_11 = Theta_3_22 the difference is the number 0, and CasADi drops every term that it multiplies.
     wobble = half_difference * ca.cos(2 * phi)
-    reach = m3 * r**2
-    g11 = (p["Theta_2_11"] + m2 * s2 * s2 + mean) + reach + wobble
+    radial = m3 * r**2
+    g11 = (p["Theta_2_11"] + m2 * s2 * s2 + mean) + radial + wobble
     axial = p["Theta_1_33"] + p["Theta_2_33"]
-    h = axial + ((p["Theta_2_22"] - p["Theta_2_33"] + m2 * s2 * s2 + mean) + reach - wobble) * ca.sin(theta) ** 2
+    h = axial + ((p["Theta_2_22"] - p["Theta_2_33"] + m2 * s2 * s2 + mean) + radial - wobble) * ca.sin(theta) ** 2
     g12 = half_difference * ca.sin(2 * phi) * ca.sin(theta)
     slope = g12 / g11
     entries = ca.diag(ca.vertcat(g11, h - g12 * slope, spin, m3))
@@ -106,7 +106,7 @@ def spherical(
     coupled[0, 1] = coupled[1, 0] = g12
     metric = metric_without_wobble + ca.sparsify(coupled)
 
-    # The source's frame measures psi' by the speed sin(theta) psi' across the arm: singular at theta = 0, pi.
+    # The frame of Maisser's paper takes sin(theta) psi', the speed across the arm, for psi': singular at theta = 0, pi.
     sine, cosine = ca.sin(theta), ca.cos(theta)
     stretched, restored = ca.SX(regular.matrix), ca.SX(regular.inverse)
     stretched[1, 1] = sine
@@ -117,7 +117,7 @@ def spherical(
 
     tilted = rotation(2, psi) @ rotation(0, -theta)
     direction = tilted[:, 2]
-    reach_tool = (r + p["l_T"]) ** 2
+    tool_squared = (r + p["l_T"]) ** 2
     return Manipulator(
         name="spherical",
         coordinates=coordinates,
@@ -137,7 +137,7 @@ def spherical(
             ),
         ),
         tool=(r + p["l_T"]) * direction,
-        tool_metric=ca.sparsify(ca.diag(ca.vertcat(reach_tool, reach_tool * sine**2, 0, 1))),
+        tool_metric=ca.sparsify(ca.diag(ca.vertcat(tool_squared, tool_squared * sine**2, 0, 1))),
         skeleton=ca.horzcat(ca.SX(3, 1), s2 * direction, r * direction, (r + p["l_T"]) * direction),
         drives=(Drive("M_theta", -1), Drive("M_psi", 1), Drive("M_phi", 1), Drive("K_r", 1)),
         frames={
@@ -157,9 +157,9 @@ def spherical(
 def _inverse(beyond: float, points: Array) -> Configurations:
     """Return all q with the tool at points (K, 3) = (r + l_T) n(theta, psi); phi is free."""
     x, y, z = points.T
-    across, reach = np.hypot(x, y), np.linalg.norm(points, axis=1)
-    scale = reach + abs(beyond)
-    vertical, centre = across <= TINY * scale, reach <= TINY * scale
+    across, distance = np.hypot(x, y), np.linalg.norm(points, axis=1)
+    scale = distance + abs(beyond)
+    vertical, centre = across <= TINY * scale, distance <= TINY * scale
     free = np.full(len(points), np.nan)
     solutions, branches = [], []
     for side, ahead in ((1.0, "r + l_T >= 0"), (-1.0, "r + l_T <= 0")):
@@ -167,14 +167,14 @@ def _inverse(beyond: float, points: Array) -> Configurations:
             branches.append(f"{ahead}, {leaning}")
             theta = np.where(centre, np.nan, tilt * np.arctan2(across, side * z))
             psi = np.where(vertical, np.nan, np.arctan2(-side * tilt * x, side * tilt * y))
-            solutions.append(np.stack([theta, psi, free, side * reach - beyond], axis=1))
+            solutions.append(np.stack([theta, psi, free, side * distance - beyond], axis=1))
     return Configurations(
         np.stack(solutions, axis=1),
         tuple(branches),
         {},
         {
             "the tool on the vertical axis, psi is free": across <= NEAR * scale,
-            "the tool at the centre of rotation, theta and psi are free": reach <= NEAR * scale,
+            "the tool at the centre of rotation, theta and psi are free": distance <= NEAR * scale,
         },
     )
 

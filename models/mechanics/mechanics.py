@@ -16,7 +16,7 @@ from ocp import checks
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """A machine and what each of its effects adds, in the symbols q, v, those of states and the control."""
+    """A machine and the Terms of its effects, written in q, v, the states of the effects and the control."""
 
     machine: Manipulator
     parts: tuple[Part, ...]
@@ -28,7 +28,7 @@ class Mechanics:
 
     @property
     def metric(self) -> ca.SX:
-        """(n, n) metric g(q) in coordinates, with what effects add."""
+        """(n, n) metric g(q) in coordinates, that of the effects included."""
         return self.machine.metric if self.terms.metric is None else self.machine.metric + self.terms.metric
 
     @property
@@ -58,7 +58,7 @@ class Mechanics:
 
     @property
     def applied(self) -> ca.SX:
-        """(n,) generalised forces of effects that are not in the potential, none at all as structural zeros."""
+        """(n,) generalised forces of effects that are not in the potential; structural zeros if there are none."""
         n = self.machine.q.numel()
         return ca.SX(n, 1) if self.terms.force is None else self.resolved(self.terms.force)
 
@@ -68,7 +68,7 @@ class Mechanics:
         return self.tau if self.terms.force is None else self.tau + self.applied
 
     def resolved(self, expression: ca.SX) -> ca.SX:
-        """Return an expression of an effect with what it reads, and what the drives make of the control, put in.
+        """Return an expression of an effect with the signals that it reads, and the torques of the drives, substituted.
 
         Raises:
             ValueError: an effect reads a signal that nobody defines, or signals depend on each other in a circle.
@@ -134,9 +134,9 @@ class Mechanics:
         return total
 
     def at_rest(self) -> list[ca.SX]:
-        """Return what vanishes at rest beside v: velocities of elastic motors, and forces that no control can jump to.
+        """Return the quantities beside v that vanish at rest: velocities of elastic motors, and forces with a state.
 
-        On a joint whose drive has a state the force is tau - dU/dq + forces of effects, which is g a at v = 0.
+        On a joint whose drive has a state, tau - dU/dq + forces of effects (g a at v = 0) cannot jump to zero.
         """
         control = self.control.expression
         _, motor_v, motor_tau = self.motors
@@ -153,7 +153,7 @@ class Mechanics:
         return results
 
     def frame(self, chosen: str | Frame | None) -> Frame:
-        """Return the frame called `chosen` (default "regular"), or `chosen` itself, with what effects add."""
+        """Return the frame called `chosen` (default "regular"), or `chosen` itself, with the metric of effects."""
         if isinstance(chosen, Frame):
             return fixed(chosen)(self._added())
         return self.machine.frame("regular" if chosen is None else chosen, self._added())
@@ -165,7 +165,7 @@ class Mechanics:
 
 @dataclass(frozen=True, eq=False)
 class Partials:
-    """d g'_ab / d q_i of a frame metric, entry by entry, so that both uses share their sub-expressions."""
+    """Derivatives d g'_ab / d q_i of a frame metric, formed once so that both sums share their sub-expressions."""
 
     by_coordinate: tuple[ca.SX, ...]  # n matrices (n, n)
 
@@ -185,14 +185,14 @@ class Partials:
 
 
 def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:
-    """Put a machine and its effects together.
+    """Return the mechanics of a machine with its effects.
 
     Args:
         machine: a Manipulator.
         effects: in any order.
 
     Raises:
-        TypeError, ValueError: see `models.terms.gather`.
+        TypeError, ValueError: see `models.mechanics.terms.gather`.
     """
     if not isinstance(machine, Manipulator):
         raise TypeError(f"machine: got {checks.shown(machine)}, expected a Manipulator such as spherical()")
@@ -204,7 +204,7 @@ def momentum_rate(mechanics: Mechanics, frame: Frame, w: ca.SX, p: ca.SX, partia
 
     p'_a = S_ia [ 1/2 w_b w_c d_i g'_bc + p_b (d_i F_bj - d_j F_bi) v_j - d_i U + Q_i ],  v = S w
 
-    which is (2.3) with the velocities kept as a common factor: the force is 1/2 w' (dg') w, never -1/2 p' d(g'^-1) p.
+    This is (2.3) with 1/2 w' (dg') w in place of the equal -1/2 p' d(g'^-1) p, which has a longer graph.
 
     Args:
         mechanics: machine and effects.

@@ -1,4 +1,4 @@
-"""Where a metric or a frame is singular: refused if everywhere, named in the System if at some configurations."""
+"""Singular metrics and frames: refused if singular everywhere, listed in the System if at some configurations."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ocp.checks import Array
 from ocp.system import Singularity
 
 SAMPLES = 12
-# Share of its usual size below which an inertia is rounding: the square of a distance of 1e-12.
+# A pivot of the metric below this multiple of its largest sampled value is zero: the square of a distance of 1e-12.
 TINY = 1e-24
-# Share of its usual size below which det F costs more than six of sixteen digits.
+# A det F below this multiple of its largest sampled value loses more than six of sixteen digits.
 NEAR = 1e-6
 LOST = 1e-8  # relative error of det g in a frame that is refused: half the digits
 TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # poses at which machines are singular, if they are [rad]
@@ -27,12 +27,12 @@ LENGTHS = (0.0, 0.7)  # [m]
 def singularities(
     machine: Manipulator, frame: Frame, regular: Frame, nominal: Mapping[str, float]
 ) -> tuple[Singularity, ...]:
-    """Return the places at which the metric of a machine with its effects, or a frame, is singular.
+    """Return the configurations at which the metric of a machine with its effects, or a frame, is singular.
 
     The metric is singular where a pivot of g' = L D L' in the regular frame vanishes, a frame where det F does.
 
     Args:
-        machine: with the words for what gives a coordinate its inertia.
+        machine: with the names of the parameters that give each coordinate its inertia.
         frame: in which the equations are written.
         regular: a frame that exists wherever the metric is regular.
         nominal: values of the parameters that stay symbols.
@@ -43,19 +43,19 @@ def singularities(
     q, p = machine.q, ca.vertcat(*_parameters(machine, frame, regular))
     p_values = np.array([nominal[str(symbol)] for symbol in ca.vertsplit(p)] if p.numel() else [])
     inertia, own = factorise(regular.metric).pivots, factorise(frame.metric).pivots
-    size, size_regular = ca.det(ca.densify(frame.matrix)), ca.det(ca.densify(regular.matrix))
-    outputs = [inertia, own, size, size_regular]
-    function = ca.Function("sizes", [q, p], [ca.densify(output) for output in outputs])
+    determinant, determinant_regular = ca.det(ca.densify(frame.matrix)), ca.det(ca.densify(regular.matrix))
+    outputs = [inertia, own, determinant, determinant_regular]
+    function = ca.Function("determinants", [q, p], [ca.densify(output) for output in outputs])
 
-    def at(places: Array) -> list[Array]:
-        results = function.map(len(places))(places.T, np.tile(p_values[:, None], len(places)))
-        return [np.array(result).T for result in results]
+    def at(poses: Array) -> list[Array]:
+        values = function.map(len(poses))(poses.T, np.tile(p_values[:, None], len(poses)))
+        return [np.array(value).T for value in values]
 
     usual = np.random.default_rng(20260101).uniform(0.3, 1.7, (SAMPLES, q.numel()))
-    pivots, theirs, sizes, sizes_regular = at(usual)
-    special = at(_special(machine, ca.vertcat(inertia, own, size)))
-    pivots_special, sizes_special = special[0], special[2]
-    found = []
+    pivots, theirs, determinants, determinants_regular = at(usual)
+    special = at(_special(machine, ca.vertcat(inertia, own, determinant)))
+    pivots_special, determinants_special = special[0], special[2]
+    results = []
     for i in range(q.numel()):
         entry, scale = inertia[i], float(np.max(np.nan_to_num(pivots[:, i], nan=0.0)))
         if not scale > 0.0 and not ca.depends_on(entry, p):
@@ -63,30 +63,34 @@ def singularities(
         here = pivots_special[:, i]
         if not np.all(here > TINY * scale) or ca.depends_on(entry, p):
             words = f"{_without_inertia(machine, i)} at some positions; {_cure(machine, i)}, or keep away"
-            found.append(Singularity(entry, TINY * scale, words))
+            results.append(Singularity(entry, TINY * scale, words))
     words = (
         f"the frame {frame.name!r} of the {machine.name} manipulator is singular where {frame.vanishes or 'det F'} "
         "is 0; use frame='regular'"
     )
-    scale = float(np.max(np.abs(np.nan_to_num(sizes, nan=0.0))))
-    moves = np.ptp(sizes_special) > NEAR * scale or not np.all(np.isfinite(sizes_special))
-    if moves or ca.depends_on(size, p):
-        found.append(Singularity(size, NEAR * scale if moves else 0.0, words, crossed=bool(moves)))
+    scale = float(np.max(np.abs(np.nan_to_num(determinants, nan=0.0))))
+    moves = np.ptp(determinants_special) > NEAR * scale or not np.all(np.isfinite(determinants_special))
+    if moves or ca.depends_on(determinant, p):
+        results.append(Singularity(determinant, NEAR * scale if moves else 0.0, words, crossed=bool(moves)))
     if not moves and frame is not regular:
-        everywhere = [np.vstack(pair) for pair in zip((pivots, theirs, sizes, sizes_regular), special, strict=True)]
+        everywhere = [
+            np.vstack(pair) for pair in zip((pivots, theirs, determinants, determinants_regular), special, strict=True)
+        ]
         _check_digits(machine, frame, *everywhere)
-    return tuple(found)
+    return tuple(results)
 
 
 def _check_digits(
-    machine: Manipulator, frame: Frame, pivots: Array, own: Array, size: Array, size_regular: Array
+    machine: Manipulator, frame: Frame, pivots: Array, own: Array, determinant: Array, determinant_regular: Array
 ) -> None:
     """Refuse a frame in which det g = det g' det(F)^2 is not what it is in the regular frame."""
     good = np.all(pivots > TINY * np.max(np.nan_to_num(pivots), axis=0), axis=1)
     if not np.any(good):
         return
     with np.errstate(all="ignore"):
-        ratio = np.sum(np.log(own) - np.log(pivots), axis=1) + 2.0 * np.log(np.abs(size / size_regular))[:, 0]
+        ratio = (
+            np.sum(np.log(own) - np.log(pivots), axis=1) + 2.0 * np.log(np.abs(determinant / determinant_regular))[:, 0]
+        )
     worst = np.max(np.abs(ratio[good]))
     if not worst <= LOST:
         left = "no" if not worst < 0.1 else f"{-np.log10(worst):.0f}"
@@ -103,11 +107,11 @@ def _parameters(machine: Manipulator, *frames: Frame) -> list[ca.SX]:
 
 
 def _special(machine: Manipulator, expression: ca.SX) -> Array:
-    """Return poses (K, n) with every coordinate the expression depends on at the places where arms are singular."""
+    """Return poses (K, n): all combinations of the values at which arms are singular, for coordinates that matter."""
     rows = []
     for coordinate, symbol in zip(machine.coordinates, ca.vertsplit(machine.q), strict=True):
-        places = TURNS if coordinate.unit == "rad" else LENGTHS
-        rows.append(places if ca.depends_on(expression, symbol) else (0.6,))
+        values = TURNS if coordinate.unit == "rad" else LENGTHS
+        rows.append(values if ca.depends_on(expression, symbol) else (0.6,))
     return np.array(list(product(*rows)))
 
 

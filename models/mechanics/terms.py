@@ -1,4 +1,4 @@
-"""What an effect adds to a machine. Terms only add: nothing removes or overrides."""
+"""Terms: the contributions of an effect to the equations of a machine. They are summed; nothing overrides."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ocp.system import Side
 if TYPE_CHECKING:
     from models.machines.manipulator import Body, Manipulator
 
-Any = TypeVar("Any")
+Single = TypeVar("Single")
 Rate = Callable[[ca.SX], ca.SX]  # time derivative along a motion
 
 
@@ -47,34 +47,33 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A signal that an effect reads, whoever defines it and wherever that stands in the list.
+    """A signal that an effect reads; the effect that defines it may come earlier or later in the list.
 
     Signals are those of other effects, and q, v, tau (on the joints), tool, tool_v, motor_q, motor_v, motor_tau (in
     units of the joints) and time, which every machine has.
     """
 
     name: str
-    symbol: ca.SX  # what stands for it in the terms of the effect
+    symbol: ca.SX  # placeholder for it in the terms of the effect
     reader: str  # name of the effect, for the message
     cure: str  # effect that defines it, for the message
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """What makes the torque of the motors from the control; without one the torque is the control."""
+    """Map from control to motor torque (a drive with a lag, a motor with a voltage); without one they are equal."""
 
     control: Quantity  # (n,) symbols
     torque: ca.SX  # (n,) of the motors, in units of the joints
-    invert: Callable[
-        [ca.SX, ca.SX, Rate], Mapping[str, Quantity]
-    ]  # (motor torque, motor velocity, d/dt) -> what it takes
+    # (motor torque, motor velocity, d/dt) -> the control and other signals that produce this torque
+    invert: Callable[[ca.SX, ca.SX, Rate], Mapping[str, Quantity]]
 
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """What lies between motors and joints; without one the motors are the joints."""
+    """Elastic connection of motors and joints; without one the motors turn with the joints."""
 
-    motor_tau: ca.SX  # (n,) symbols that stand for the torque of the motors
+    motor_tau: ca.SX  # (n,) symbols of the torque of the motors
     motor_q: ca.SX  # (n,) position of the motors, in units of the joints
     motor_v: ca.SX  # (n,)
     torque: ca.SX  # (n,) on the joints
@@ -88,7 +87,7 @@ class Terms:
     metric: ca.SX | None = None  # (n, n) added to g(q)
     potential: ca.SX = field(default_factory=lambda: ca.SX(0))  # U(q) [J]
     acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
-    bodies: tuple[Body, ...] = ()  # that the effect attaches; their inertia is in `metric`
+    bodies: tuple[Body, ...] = ()  # attached by the effect; their inertia is part of `metric`
     force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
     states: Mapping[str, State] = field(default_factory=dict)
     signals: Mapping[str, Quantity] = field(default_factory=dict)
@@ -99,9 +98,10 @@ class Terms:
     source: Source | None = None
     transmission: Transmission | None = None
     energy: ca.SX = field(default_factory=lambda: ca.SX(0))  # stored in states of the effect [J]
-    spring: ca.SX = field(default_factory=lambda: ca.SX(0))  # potential of a part of `force`, where that is shorter [J]
+    # Potential of a part of `force` [J], for forces with a shorter graph than the gradient of their potential.
+    spring: ca.SX = field(default_factory=lambda: ca.SX(0))
     dissipation: ca.SX = field(default_factory=lambda: ca.SX(0))  # power lost beside -force . v [W]
-    defines: Mapping[str, str] = field(default_factory=dict)  # what only one effect may define -> name of the effect
+    defines: Mapping[str, str] = field(default_factory=dict)  # role that only one effect may have -> name of the effect
 
     def __add__(self, other: Terms) -> Terms:
         for thing, name in other.defines.items():
@@ -129,24 +129,26 @@ class Terms:
         )
 
 
-# Called with the machine and the terms of the effects before it, returns its own. What another effect defines is
-# better read by a `Read`, which does not depend on the order of the list.
+# Called with the machine and the sum of the terms of the effects before it; returns its own terms. A signal of another
+# effect is better obtained by a `Read`, which does not depend on the order of the list.
 Effect = Callable[["Manipulator", Terms], Terms]
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What an effect of a list is called, and its terms."""
+    """An effect of a list: its name and its terms."""
 
     name: str
     terms: Terms
 
 
 def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
-    """Return the terms of every effect, each called with the sum of those before it; a clock if one reads the time.
+    """Call every effect with the terms of those before it and return their parts.
+
+    A clock, the state `time`, is added if an effect reads the time.
 
     Raises:
-        TypeError: something that is no effect.
+        TypeError: an item of the list is not an effect.
         ValueError: two effects define the same state, signal, parameter, drive, ...
     """
     checks.instance("effects", effects, list | tuple, "a list of effects such as [Gravity()]")
@@ -165,7 +167,7 @@ def gather(machine: Manipulator, effects: Sequence[Effect]) -> tuple[Part, ...]:
 
 
 def name_of(effect: Effect) -> str:
-    """Return the name of an effect: of its class, in words with underscores, as in rotor_inertia."""
+    """Return the name of an effect: its class name in snake_case, such as rotor_inertia."""
     name = getattr(effect, "__name__", type(effect).__name__)
     return snake(name) if name.isidentifier() else "effect"
 
@@ -181,13 +183,13 @@ def _sum(one: ca.SX | None, other: ca.SX | None) -> ca.SX | None:
     return one + other
 
 
-def _one(kind: str, one: Any | None, other: Any | None) -> Any | None:
+def _one(kind: str, one: Single | None, other: Single | None) -> Single | None:
     if one is not None and other is not None:
         raise ValueError(f"two effects define the {kind}; keep one of them")
     return one if other is None else other
 
 
-def _union(kind: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+def _union(kind: str, one: Mapping[str, Single], other: Mapping[str, Single]) -> dict[str, Single]:
     for name in other:
         if name in one:
             raise ValueError(f"two effects define the {kind} {name!r}; keep one of them")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from models.forms.lagrangian import lagrange
+from models.forms.lagrange_form import lagrange
 from models.torques.drive_loads import SLACK, runs
 from models.torques.torque_table import TorqueTable
 from ocp.checks import Array

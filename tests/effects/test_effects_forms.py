@@ -51,7 +51,7 @@ def sample(arm, effects, form):
 def test_forms_agree_and_power_balances(name, case):
     arm = machine(name)
     effects = effects_of(case, arm)
-    found = []
+    results = []
     for form in FORMS:
         system, x, u, (q, v) = sample(arm, effects, form)
         loss = system.signals.get("loss", ca.SX(0))
@@ -63,8 +63,8 @@ def test_forms_agree_and_power_balances(name, case):
         size = np.maximum(largest, np.max(np.abs([power, loss]), axis=0))
         assert relative(velocity, v) < 1e-11
         assert relative(stored, supplied, size + 1e-9) < 1e-10
-        found.append((a, rates, energy, power))
-    (a, rates, energy, power), *others = found
+        results.append((a, rates, energy, power))
+    (a, rates, energy, power), *others = results
     for other in others:
         assert relative(other[0], a) < 2e-12 * conditioning(arm, effects, q)
         if len(rates):

@@ -67,13 +67,13 @@ def finer(solution, tolerance=1e-8):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_forms_agree_on_scenes_with_everything(name):
-    found = [solved(name, form) for form in FORMS]
-    assert all(solution.ok for solution in found)
-    durations = np.array([solution.duration for solution in found])
+    results = [solved(name, form) for form in FORMS]
+    assert all(solution.ok for solution in results)
+    durations = np.array([solution.duration for solution in results])
     assert np.ptp(durations) < 1e-6 * durations[0]
-    use = np.abs(found[0].signal("torque_speed", found[0].samples(LINEAR.points)[0]))
+    use = np.abs(results[0].signal("torque_speed", results[0].samples(LINEAR.points)[0]))
     assert 0.999 < np.max(use) < 1.0 + 1e-6  # at the points that the limit is held at
-    assert verify(found[0]).energy < 1e-6
+    assert verify(results[0]).energy < 1e-6
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ def tool(arm, q):
 
 
 def reached(arm, points, configurations):
-    """Return the largest error of the tool over all solutions, free coordinates at random, as share of the size."""
+    """Return the largest error of the tool over all solutions relative to its distance; free coordinates are random."""
     size = 1.0 + np.linalg.norm(points, axis=1).max()
     worst = 0.0
     for branch in range(configurations.q.shape[1]):
@@ -33,16 +33,16 @@ def test_round_trip_over_ten_thousand_poses(name):
     arm = machine(name)
     q = states(arm, 10_000, seed=3)[0].T
     points = tool(arm, q)
-    found = arm.inverse(points)
-    assert np.all(found.reachable)
-    assert found.q.shape[1] == len(found.branches)
-    assert reached(arm, points, found) < 1e-12
+    configurations = arm.inverse(points)
+    assert np.all(configurations.reachable)
+    assert configurations.q.shape[1] == len(configurations.branches)
+    assert reached(arm, points, configurations) < 1e-12
     # The pose that the point was made from is among the solutions.
     angular = np.array([c.unit == "rad" for c in arm.coordinates])
-    step = found.q - q[:, None]
+    step = configurations.q - q[:, None]
     step = np.nan_to_num(np.where(angular, wrapped(step), step))
     assert np.max(np.min(np.linalg.norm(step, axis=2), axis=1)) < 1e-6
-    assert np.all(np.abs(found.q[..., angular][~np.isnan(found.q[..., angular])]) <= np.pi)
+    assert np.all(np.abs(configurations.q[..., angular][~np.isnan(configurations.q[..., angular])]) <= np.pi)
 
 
 def at_singularities():
@@ -65,10 +65,10 @@ def at_singularities():
 @pytest.mark.parametrize(("arm", "q", "name"), list(at_singularities()), ids=lambda value: str(value)[:24])
 def test_every_named_singularity(arm, q, name):
     points = tool(arm, np.array([q]))
-    found = arm.inverse(points)
-    assert found.reachable[0]
-    assert any(name in known for known in found.singularities(0))
-    assert reached(arm, points, found) < 1e-12
+    configurations = arm.inverse(points)
+    assert configurations.reachable[0]
+    assert any(name in known for known in configurations.singularities(0))
+    assert reached(arm, points, configurations) < 1e-12
     # The name tells the truth: the Jacobian of the tool has lost a rank.
     jacobian = np.array(ca.Function("J", [arm.q], [ca.jacobian(arm.tool, arm.q)])(q))
     assert np.linalg.svd(jacobian)[1][2] < 1e-7
@@ -86,9 +86,9 @@ def test_every_named_singularity(arm, q, name):
     ],
 )
 def test_points_out_of_reach_are_named(arm, point, reason):
-    found = arm.inverse(np.array([point]))
-    assert not found.reachable[0]
-    assert reason in found.why(0)
+    configurations = arm.inverse(np.array([point]))
+    assert not configurations.reachable[0]
+    assert reason in configurations.why(0)
 
 
 PATHS = {

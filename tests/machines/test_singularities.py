@@ -113,12 +113,12 @@ def test_solves_say_which_singularity_is_in_the_way(form):
     arm = form(spherical(), [Gravity()], "paper")
     ends = [0.9, 0.0, 0.0, 0.85], [-0.7, 1.0, 0.5, 0.9]
     for q0, q1, words in ((*ends, "on two sides of"), ([0.0, *ends[0][1:]], ends[0], "the start is singular")):
-        found = solve(point_to_point(arm, q0, q1, tau=400.0), grid=uniform(10))
-        assert found.status is Status.FAILED
-        assert found.solver_status == "not started"
-        assert words in found.message
-        assert POLE.replace("\\", "") in found.message
-        assert np.all(np.isfinite(found.states))
+        results = solve(point_to_point(arm, q0, q1, tau=400.0), grid=uniform(10))
+        assert results.status is Status.FAILED
+        assert results.solver_status == "not started"
+        assert words in results.message
+        assert POLE.replace("\\", "") in results.message
+        assert np.all(np.isfinite(results.states))
 
 
 def stepping_over():
@@ -132,14 +132,14 @@ def stepping_over():
 
 def test_a_solution_that_steps_over_a_singularity_is_no_solution():
     task = stepping_over()
-    found = solve(task, grid=uniform(10))
-    assert found.status is Status.FAILED
-    assert found.solver_status == "Solve_Succeeded"
-    assert "there is a hole at x = 0.05; walk round it" in found.message
-    assert not verify(found).ok
+    results = solve(task, grid=uniform(10))
+    assert results.status is Status.FAILED
+    assert results.solver_status == "Solve_Succeeded"
+    assert "there is a hole at x = 0.05; walk round it" in results.message
+    assert not verify(results).ok
     free = replace(task, system=replace(task.system, singular=()))
     assert solve(free, grid=uniform(10)).ok
-    assert verify(found).drift > 1.0  # the integration ends there
+    assert verify(results).drift > 1.0  # the integration ends there
 
 
 def test_singularities_travel_with_the_system():
