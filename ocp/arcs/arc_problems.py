@@ -1,4 +1,4 @@
-"""A motion made of arcs: the problem that its structures share, and the motion as found for one of them."""
+"""A motion made of arcs: the problem, prepared for any switching structure, and the motion of one structure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs.state_limit_multipliers import Jump, Pressure
+from ocp.arcs.state_limit_multipliers import Jump, LimitMultiplier
 from ocp.checks import Array
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
@@ -22,15 +22,15 @@ from ocp.transcription.schemes.scheme import Scheme
 
 @dataclass(frozen=True, eq=False)
 class ArcProblem:
-    """A problem to be solved for given structures.
+    """What all switching structures of a problem share.
 
     Args:
-        problem: a Problem.
-        limits: of its states.
+        problem: one phase.
+        limits: its state limits.
         scheme: with collocated control.
-        numbers: values of the parameters.
+        numbers: (np,) values of the parameters, in the order of the system.
         levels: function (x, u, p) -> limited expressions.
-        singular: numbers of the controls that the Hamiltonian is linear in: between limits they are singular.
+        singular: indices of the controls that enter the Hamiltonian linearly; between their bounds they are singular.
     """
 
     problem: Problem
@@ -41,11 +41,11 @@ class ArcProblem:
     singular: frozenset[int]
 
     def loose(self, arcs: tuple[Arc, ...]) -> bool:
-        """Return whether a structure has singular arcs."""
+        """Return whether a structure has singular arcs, whose controls the NLP does not determine well."""
         return any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in self.singular)
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProblem:
-        """Return it for other parameter values and a problem that differs in numbers only."""
+        """Return the same for other parameter values and a problem that differs in numbers only."""
         sides = [(problem.subject_to[limit.constraint], limit.component) for limit in self.limits]
         limits = tuple(
             replace(limit, lower=float(constraint.lower[c]), upper=float(constraint.upper[c]))
@@ -55,10 +55,10 @@ class ArcProblem:
 
 
 def arc_problem(problem: Problem, scheme: Scheme, values: Mapping[str, float]) -> ArcProblem:
-    """Return a problem as one to be solved for given structures.
+    """Prepare a problem to be solved for given switching structures.
 
     Args:
-        problem: a Problem.
+        problem: one phase.
         scheme: with collocated control.
         values: of the parameters, by name.
     """
@@ -72,36 +72,36 @@ def arc_problem(problem: Problem, scheme: Scheme, values: Mapping[str, float]) -
 
 @dataclass(frozen=True, eq=False)
 class ArcMotion:
-    """A solved motion of given structure.
+    """The solution of the NLP of one switching structure.
 
     Args:
-        arcs: with the durations found.
-        answer: of the solver.
+        arcs: with their optimal durations.
+        result: of the solver.
         grid: of the whole motion.
-        arc: (N,) number of the arc of each element.
+        arc: (N,) index of the arc of each element.
         states, controls, costates: (N, m, nx), (N, d, nu), (N, d, nx); costates of the problem with its state limits
             adjoined directly, lambda = dJ/dx.
-        pressures: multipliers of the limits that are held.
-        jumps: at entries, exits and touches.
-        free: numbers of the parameters that were unknowns.
+        limit_multipliers: of the state limits that are active along an arc.
+        jumps: of the costates at entries, exits and touch points.
+        free: indices of the parameters that were unknowns.
         parameters: (np,) values of all parameters.
-        setup: seconds.
-        price: of the distance of undetermined controls from those of the guess, part of the answer's cost.
+        setup: seconds spent on preparing the NLP.
+        penalty: part of the cost of the result that the penalties on singular controls add.
     """
 
     arcs: tuple[Arc, ...]
-    answer: Answer
+    result: Answer
     grid: Grid
     arc: Array
     states: Array
     controls: Array
     costates: Array
-    pressures: tuple[Pressure, ...]
+    limit_multipliers: tuple[LimitMultiplier, ...]
     jumps: tuple[Jump, ...]
     free: Array
     parameters: Array
     setup: float
-    price: float
+    penalty: float
 
     @property
     def duration(self) -> float:
@@ -109,19 +109,19 @@ class ArcMotion:
         return sum(arc.duration for arc in self.arcs)
 
     def solution(self, task: ArcProblem, like: Solution) -> Solution:
-        """Return the motion as a Solution, without structure; message and seconds are those of another one.
+        """Return the motion as a Solution without structure.
 
         Args:
-            task: that it solves.
-            like: where the rest is taken from.
+            task: what it solves.
+            like: solution from which message, timings and all other fields are copied.
         """
         values = dict(zip(task.problem.system.nominal, self.parameters.tolist(), strict=True))
         names = list(values)
         return replace(
-            like, status=self.answer.status, solver_status=self.answer.verbatim, duration=self.duration,
-            cost=self.answer.cost - self.price, states=self.states, controls=self.controls,
+            like, status=self.result.status, solver_status=self.result.verbatim, duration=self.duration,
+            cost=self.result.cost - self.penalty, states=self.states, controls=self.controls,
             slopes=np.zeros((len(self.grid), 0, self.states.shape[2])), costates=self.costates,
             free={names[number]: values[names[number]] for number in self.free}, values=values, grid=self.grid,
-            scheme=task.scheme, problem=task.problem, log=self.answer.log, multipliers=None, accuracy=None,
+            scheme=task.scheme, problem=task.problem, log=self.result.log, multipliers=None, accuracy=None,
             structure=None,
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Switching structure of a motion: which control is at which limit, and which state limit holds, from when to when."""
+"""Lists of arcs: their table, the number of elements they need, and arcs that only continue each other."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ PER_MOTION = 16  # elements of the whole motion, at least one for each arc
 
 
 def tabulate(problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, ...]) -> Structure:
-    """Return the structure that arcs stand for.
+    """Return the switching structure with its table, from the list of arcs.
 
     Args:
-        problem: whose controls and limits they are.
-        limits: of its states.
+        problem: names the controls.
+        limits: state limits of the problem.
         arcs: in order of time.
     """
     ends = [0.0]
@@ -49,7 +49,7 @@ def tabulate(problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, 
 
 
 def key_of(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
-    """Return what two structures have in common if they differ in durations only."""
+    """Return a key that is equal for two lists of arcs if they differ in durations only."""
     return tuple((arc.kinds, arc.held, arc.touched) for arc in arcs)
 
 
@@ -59,18 +59,18 @@ def durations(arcs: tuple[Arc, ...]) -> np.ndarray:
 
 
 def elements_of(arcs: tuple[Arc, ...], level: int = 0) -> tuple[int, ...]:
-    """Return how many elements the arcs of a motion should have.
+    """Return the number of elements of every arc, in proportion to its duration.
 
     Args:
         arcs: with their durations.
-        level: how often the elements are halved.
+        level: every level doubles the numbers.
     """
     shares = durations(arcs) / durations(arcs).sum()
     return tuple((np.maximum(np.ceil(PER_MOTION * shares), 1.0).astype(int) * 2**level).tolist())
 
 
 def merged(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return arcs without those that only continue the one before."""
+    """Return the arcs with neighbours joined that differ in duration only."""
     kept: list[Arc] = []
     for arc in arcs:
         if kept and kept[-1].same(arc):

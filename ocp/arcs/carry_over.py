@@ -1,4 +1,4 @@
-"""Structure carried over: the arcs of a polished solution, solved again for neighbouring parameters and limits."""
+"""The switching structure of a polished solution, solved again for neighbouring parameters and limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ocp import checks
-from ocp.arcs.arc_nlp import ArcProgramme, prepare_arcs
+from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
 from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
 from ocp.arcs.optimality_check import EXCESS, certify, complaint
@@ -23,9 +23,9 @@ from ocp.solving.ipopt import Ipopt
 from ocp.solving.starts import from_solution
 
 REVISIONS = 3  # of a structure that turns out wrong
-SHORTEST = 1e-6  # share of the duration that an arc begins with where two switches change places
-KEPT = 16  # NLPs
-# Near the answer from the start: limits that are not met hardly count, multipliers are estimated by least squares.
+SHORTEST = 1e-6  # initial duration, share of the motion, of a new arc between two switches that are exchanged
+KEPT = 16  # NLPs kept in memory
+# The guess is close to the solution: a small barrier, and first multipliers by least squares.
 SETTINGS = Ipopt(
     tol=1e-12,
     max_iter=25,
@@ -46,17 +46,17 @@ class PreparedStructure:
     """A switching structure to be solved for many parameter values and limits; made by `prepare_structure`.
 
     Args:
-        origin: the polished solution whose structure it is.
+        origin: the polished solution that the structure comes from.
         task: its problem.
         settings: of IPOPT.
-        NLPs: of its structure, and of those met since.
-        setup: seconds.
+        nlps: NLPs of its structure and of the structures tried since.
+        setup: seconds spent on preparing.
     """
 
     origin: Solution
     task: ArcProblem
     settings: Ipopt
-    nlps: dict[object, ArcProgramme]
+    nlps: dict[object, ArcNlp]
     setup: float
 
     def __call__(
@@ -65,19 +65,19 @@ class PreparedStructure:
         problem: Problem | None = None,
         guess: Solution | None = None,
     ) -> Solution:
-        """Solve with the structure of the guess, revised where it is found wrong, and check the sign conditions.
+        """Solve with the structure of the guess, revise it where it is wrong, and check the sign conditions.
 
-        The answer is a function of the origin, the guess, the values and the problem: bit by bit the same elsewhere.
+        The result depends on the origin, the guess, the values and the problem only, bit by bit.
 
         Args:
-            values: of parameters, by name; nominal where silent.
+            values: of parameters, by name; nominal values for the others.
             problem: one that differs in limits, start and end values only; one whose system is another object with the
                 same states, controls, parameters and constraints is transcribed anew.
             guess: a solution with its structure, such as the last one carried over; None: the origin.
 
         Returns:
-            The motion with its `structure` if it is solved, the local error of the dynamics is as small as `polish`
-            wants it, and the sign conditions hold; else one with structure None, a status that is not SOLVED, and the
+            The motion with its `structure` if it is solved, the local error of the dynamics is within that of `polish`,
+            and the sign conditions hold; else a motion with structure None, a status other than SOLVED, and the
             reason in its message. `timings` are those of this call alone.
 
         Raises:
@@ -88,7 +88,7 @@ class PreparedStructure:
         guess = self.origin if guess is None else guess
         self._check(guess)
         checks.instance("problem", problem, Problem | None, "a Problem, or None for that of the origin")
-        if problem is not None and _alike(self.task.problem, problem):
+        if problem is not None and _restated(self.task.problem, problem):
             return self._elsewhere(values, problem, guess)
         new = self.task.problem if problem is None else same_structure(self.task.problem, problem)
         numbers = tuple(new.system.values(values))
@@ -99,14 +99,14 @@ class PreparedStructure:
         elements, before = _elements(guess), guess
         while True:
             if self.task.loose(arcs):
-                result, reason = before, "singular arcs need a price that is iterated away; polish does that"
+                result, reason = before, "singular arcs need a penalty that is iterated away; polish does that"
                 break
-            nlp = self._programme(arcs, elements).adapted(new, numbers)
+            nlp = self._nlp(arcs, elements).adapted(new, numbers)
             start = nlp.start(from_solution(before), durations(arcs)) if seen else nlp.restart(guess)
             motion = nlp.solve(start)
             seen.add(key_of(arcs))
-            iterations += motion.answer.iterations
-            derivatives, solver = derivatives + motion.answer.derivatives, solver + motion.answer.seconds
+            iterations += motion.result.iterations
+            derivatives, solver = derivatives + motion.result.derivatives, solver + motion.result.seconds
             result = before = motion.solution(nlp.task, self.origin)
             reason, revised = _judged(nlp.task, motion, result)
             if not reason or key_of(revised) in seen or len(seen) > REVISIONS:
@@ -118,9 +118,11 @@ class PreparedStructure:
         result = replace(result, iterations=iterations, timings=timings, rung="structure carried over")
         if reason:
             return _refused(result, reason)
-        words = f"{len(motion.arcs)} arcs carried over" + (f", {len(seen) - 1} times revised" if len(seen) > 1 else "")
+        summary = f"{len(motion.arcs)} arcs carried over" + (
+            f", {len(seen) - 1} times revised" if len(seen) > 1 else ""
+        )
         structure = tabulate(new, nlp.task.limits, motion.arcs)
-        return replace(result, structure=structure, message=f"{result.status.value}; {words}")
+        return replace(result, structure=structure, message=f"{result.status.value}; {summary}")
 
     def _check(self, guess: Solution) -> None:
         checks.instance("guess", guess, Solution, "a Solution, or None for the origin")
@@ -129,19 +131,19 @@ class PreparedStructure:
             raise ValueError(f"guess: has (scheme, nx, nu) = {sizes}, the structure was prepared with {expected}")
 
     def _elsewhere(self, values: Mapping[str, float] | None, problem: Problem, guess: Solution) -> Solution:
-        """Solve for a problem with a system of its own, whose NLP is of no use afterwards."""
+        """Solve for a problem with a system of its own; its NLP is not kept."""
         there = prepare_structure(replace(self.origin, problem=problem), self.settings)
         orders = [[(k.constraint, k.component, k.order) for k in one.task.limits] for one in (self, there)]
         reason = _other_limits(self.task.problem, problem)
         if reason or orders[0] != orders[1]:
-            return _refused(replace(guess, problem=problem), reason or "its state limits are of other order")
+            return _refused(replace(guess, problem=problem), reason or "its state limits have another order")
         result = there(values, guess=guess)
         spent = result.timings
         spent = replace(spent, setup=spent.setup + there.setup, total=spent.total + there.setup)
         return replace(result, timings=spent)
 
-    def _programme(self, arcs: tuple[Arc, ...], elements: tuple[int, ...]) -> ArcProgramme:
-        """Return the NLP of a structure, as it follows from the origin whatever was solved before."""
+    def _nlp(self, arcs: tuple[Arc, ...], elements: tuple[int, ...]) -> ArcNlp:
+        """Return the NLP of a structure; it is scaled by the origin, whatever was solved before."""
         key = key_of(arcs), elements
         if key not in self.nlps:
             if len(self.nlps) >= KEPT:
@@ -164,11 +166,11 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
     """
     begun = time.perf_counter()
     if not isinstance(polished, Solution):
-        told = checks.shown(polished)
-        raise TypeError(f"prepare_structure: polished is {told}, expected a polished Solution")
+        shown = checks.shown(polished)
+        raise TypeError(f"prepare_structure: polished is {shown}, expected a polished Solution")
     checks.instance("prepare_structure: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     if polished.problem is None:
-        raise ValueError("prepare_structure: this solution was loaded without its model; use load(path, problem=...)")
+        raise ValueError("prepare_structure: this solution was loaded without its problem; use load(path, problem=...)")
     if polished.structure is None:
         raise ValueError("prepare_structure: this solution has no structure, expected one that polish returned with it")
     task = arc_problem(polished.problem, polished.scheme, polished.values)
@@ -176,15 +178,15 @@ def prepare_structure(polished: Solution, solver: Ipopt | None = None) -> Prepar
     prepared = PreparedStructure(polished, task, settings, {}, 0.0)
     arcs = polished.structure.arcs
     if not task.loose(arcs):
-        prepared._programme(arcs, _elements(polished))
+        prepared._nlp(arcs, _elements(polished))
     return replace(prepared, setup=time.perf_counter() - begun)
 
 
 def _judged(task: ArcProblem, motion: ArcMotion, result: Solution) -> tuple[str, tuple[Arc, ...]]:
-    """Return what is wrong with a motion, or nothing, and the arcs to try next."""
+    """Return the reason why a motion is not the optimum, empty if it is, and the arcs to try next."""
     arcs, least = motion.arcs, SHORTEST * motion.duration
-    if motion.answer.status is not Status.SOLVED:
-        return f"the arcs lead nowhere ({motion.answer.verbatim})", arcs
+    if motion.result.status is not Status.SOLVED:
+        return f"the NLP of these arcs is not solved ({motion.result.verbatim})", arcs
     if len(without_vanished(arcs)) < len(arcs):
         other = swapped(arcs)
         other = other if key_of(other) != key_of(arcs) else without_vanished(arcs)
@@ -213,8 +215,8 @@ def _level(solution: Solution) -> int:
     return max(0, round(float(np.log2(len(solution.grid) / sum(plain)))))
 
 
-def _alike(old: Problem, new: Problem) -> bool:
-    """Return whether a problem states the same about another system of the same kind."""
+def _restated(old: Problem, new: Problem) -> bool:
+    """Return whether a problem has the same form for another system object with as many states and controls."""
     kinds = [
         (
             *(type(part) for part in (problem, problem.horizon)),
@@ -228,7 +230,7 @@ def _alike(old: Problem, new: Problem) -> bool:
 
 
 def _other_limits(old: Problem, new: Problem) -> str:
-    """Return the reason if a problem has limits or given values where the other has none."""
+    """Return the reason if a problem has limits or fixed values where the other has none; else empty."""
     for one, other in zip(old.subject_to, new.subject_to, strict=True):
         pairs = ((one.lower, other.lower), (one.upper, other.upper))
         if any(np.any(np.isfinite(a) != np.isfinite(b)) for a, b in pairs) or np.any(
@@ -242,13 +244,13 @@ def _other_limits(old: Problem, new: Problem) -> str:
 
 
 def _beyond(task: ArcProblem, motion: ArcMotion) -> str:
-    """Return the reason if a control between its limits is not."""
+    """Return the reason if a control leaves its bounds on an arc where it should lie between them; else empty."""
     system = task.problem.system
     low, high = task.problem.limits(Where.ALONG, system.u)
-    size = np.where(
+    scale = np.where(
         np.isfinite(high - low), high - low, np.maximum(np.max(np.abs(motion.controls), axis=(0, 1)), 1e-300)
     )
-    share = np.max(np.maximum(low - motion.controls, motion.controls - high), axis=(0, 1)) / size
+    share = np.max(np.maximum(low - motion.controls, motion.controls - high), axis=(0, 1)) / scale
     worst = int(np.argmax(share))
     if share[worst] <= EXCESS:
         return ""

@@ -1,4 +1,4 @@
-"""An NLP with about as many equations as unknowns: little is left to choose, and Newton's iteration solves it."""
+"""Newton's iteration for an NLP without inequalities that has about as many equations as unknowns."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ocp.solving.ipopt import Answer
 from ocp.transcription.nlp import Nlp
 
 Sides = tuple[Array, Array, Array, Array]  # lower and upper bounds of unknowns, then of rows
-ENOUGH = 1e-9  # of the scaled unknowns; the next correction would be rounding, as convergence is quadratic
+ENOUGH = 1e-9  # correction of the scaled unknowns that ends the iteration; the next would be rounding
 MOST_ITERATIONS = 10
-LARGEST = 1e3  # correction of a scaled unknown after which there is nothing near
-MOST_FREE = 6  # unknowns more than equations
+LARGEST = 1e3  # correction of a scaled unknown that ends the iteration: it diverges
+MOST_FREE = 6  # largest number of unknowns more than equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,8 @@ class Equations:
     dz = r + Z y has B r = [b - g; 0] and (Z' H Z) y = -Z' (grad f + H r), with the Hessian H of the Lagrangian.
 
     Args:
-        NLP: whose cost and rows they are.
-        places: of the unknowns that are not given.
+        nlp: with cost f and rows g.
+        unknowns: indices of the unknowns that are not fixed by equal bounds.
         border: C.
         linear: solver with B, sparse QR.
 
@@ -37,7 +37,7 @@ class Equations:
     """
 
     nlp: Nlp
-    places: list[int]
+    unknowns: list[int]
     border: ca.DM
     linear: ca.Linsol
 
@@ -53,13 +53,13 @@ class Equations:
         z, sizes, wanted = z0.copy(), list[float](), ca.DM(sides[2].tolist())
         count, free = len(sides[2]), self.border.size1()
         lam, limits, cost, inside = np.zeros(count), np.zeros(len(z)), np.nan, 0.0
-        status, words = Status.FAILED, "Newton's iteration does not converge"
+        status, message = Status.FAILED, "Newton's iteration does not converge"
         try:
             for _ in range(MOST_ITERATIONS):
                 clock = time.perf_counter()
                 rows, jacobian = self.nlp.derivatives["jac_g"](z, p)
                 inside += time.perf_counter() - clock
-                square = jacobian[:, self.places]
+                square = jacobian[:, self.unknowns]
                 square = ca.vertcat(square, self.border) if free else square
                 both = ca.diagcat(wanted - rows, ca.DM.eye(free)) if free else wanted - rows
                 step, directions = np.split(np.array(self.linear.solve(square, ca.densify(both))), [1], axis=1)
@@ -70,32 +70,32 @@ class Equations:
                 sizes.append(float(np.max(np.abs(step), initial=0.0)))
                 if not sizes[-1] <= LARGEST:
                     break
-                z[self.places] += step
+                z[self.unknowns] += step
                 if sizes[-1] <= ENOUGH:
-                    status, words = Status.SOLVED, "solved as equations"
+                    status, message = Status.SOLVED, "solved as equations"
                     break
             value, gradient = self.nlp.derivatives["grad_f"](z, p)
             cost = float(value)
             if status is Status.SOLVED and least <= 0.0:
-                status, words = Status.FAILED, "Newton's iteration leads to no minimum"
+                status, message = Status.FAILED, "Newton's iteration leads to no minimum"
             if status is Status.SOLVED:
-                result = -self.linear.solve(square, gradient[self.places], True)[:count]
+                result = -self.linear.solve(square, gradient[self.unknowns], True)[:count]
                 lam, limits = np.array(result).ravel(), -np.array(gradient + jacobian.T @ result).ravel()
-                limits[self.places] = 0.0
+                limits[self.unknowns] = 0.0
         except RuntimeError as error:  # a matrix that cannot be factorised
-            status, words = Status.FAILED, str(error).splitlines()[-1]
+            status, message = Status.FAILED, str(error).splitlines()[-1]
         seconds = time.perf_counter() - begun
-        return Answer(z, lam, limits, cost, status, words, len(sizes), inside, seconds, {"correction": sizes})
+        return Answer(z, lam, limits, cost, status, message, len(sizes), inside, seconds, {"correction": sizes})
 
     def _chosen(self, z: Array, p: Array, square: ca.DM, step: Array, directions: Array) -> tuple[Array, float]:
-        """Return the step along the directions left free, and the least curvature of the Lagrangian there."""
+        """Return the step along the directions that the equations leave free, and the least curvature there."""
         derivatives, count = self.nlp.derivatives, square.size1() - directions.shape[1]
-        gradient = derivatives["grad_f"](z, p)[1][self.places]
+        gradient = derivatives["grad_f"](z, p)[1][self.unknowns]
         lam = -self.linear.solve(square, gradient, True)[:count]
         upper, whole = derivatives["hess_lag"](z, p, 1.0, lam), np.zeros((len(z), directions.shape[1]))
-        whole[self.places] = directions
+        whole[self.unknowns] = directions
         both = np.array(upper @ whole) + np.array(upper.T @ whole)
-        bent = (both - np.array(ca.diag(upper)) * whole)[self.places]
+        bent = (both - np.array(ca.diag(upper)) * whole)[self.unknowns]
         curvature, slope = directions.T @ bent, directions.T @ np.array(gradient).ravel() + bent.T @ step
         if not np.all(np.isfinite(curvature)):
             return np.full(len(step), np.nan), 0.0
@@ -104,23 +104,23 @@ class Equations:
 
 
 def as_equations(nlp: Nlp, sides: Sides) -> Equations | None:
-    """Return an NLP as equations; None if they are more than the unknowns, far less, or inequalities.
+    """Return the equations of an NLP; None if there are inequalities, too many equations, or too few.
 
     Args:
-        NLP: transcribed, its durations unknowns.
+        nlp: transcribed, its durations unknowns.
         sides: bounds of the unknowns and of the rows.
     """
     low, high, rows_low, rows_high = sides
     given = low == high
     limited = (np.isfinite(low) | np.isfinite(high)) & ~given
-    places = np.flatnonzero(~given)
-    free = len(places) - len(rows_low)
+    unknowns = np.flatnonzero(~given)
+    free = len(unknowns) - len(rows_low)
     if limited.any() or np.any(rows_low != rows_high) or not 0 <= free <= MOST_FREE:
         return None
-    # What is left free moves the switches, as a rule.
-    durations = np.searchsorted(places, nlp.layout.horizon)
-    border = ca.DM(free, len(places))
+    # The directions that the equations leave free move the switches, as a rule.
+    durations = np.searchsorted(unknowns, nlp.layout.horizon)
+    border = ca.DM(free, len(unknowns))
     border[:, durations.tolist()] = np.random.default_rng(1).uniform(0.5, 1.5, (free, len(durations)))
     pattern = nlp.derivatives["jac_g"].sparsity_out(1)
-    chosen = ca.DM(pattern, 1.0)[:, places.tolist()]
-    return Equations(nlp, places.tolist(), border, ca.Linsol("linear", "qr", ca.vertcat(chosen, border).sparsity()))
+    chosen = ca.DM(pattern, 1.0)[:, unknowns.tolist()]
+    return Equations(nlp, unknowns.tolist(), border, ca.Linsol("linear", "qr", ca.vertcat(chosen, border).sparsity()))

@@ -1,4 +1,4 @@
-"""Necessary conditions of a motion of given structure: what is wrong, where, and how much."""
+"""Check of the necessary conditions of optimality for a motion of given structure."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ocp.problem.constraints import Where
 from ocp.solution.structure import Contact, Kind
 from ocp.transcription.schemes.scheme import Scheme
 
-GAP = 1e-7  # share of the cost that wrong controls may leave
-EXCESS = 1e-7  # share of its range by which a state limit may be exceeded
-BETWEEN = 16  # places on each element at which state limits are checked
-ROUNDING = 1e-9  # share of the range of a state limit that is no violation
-RELEASED = 1e-4  # share of the cost per range of a limit, below zero, at which holding it counts as wrong
-SIGNIFICANT = 1e-6  # share of the Hamiltonian below which a switching function is zero
-LEAST = 1e-12  # share of the cost that an interval with a wrong sign costs, below which it is rounding
+GAP = 1e-7  # accepted cost, share of the whole, that better controls would save to first order
+EXCESS = 1e-7  # accepted violation of a state limit, share of its range
+BETWEEN = 16  # intervals of each element between whose ends state limits are checked
+ROUNDING = 1e-9  # violation of a state limit, share of its range, that counts as zero
+RELEASED = 1e-4  # negative multiplier of a state limit, share of the cost per range, that is an error
+SIGNIFICANT = 1e-6  # switching function, share of the Hamiltonian, that counts as zero
+LEAST = 1e-12  # cost of an interval with a wrong sign, share of the whole, that counts as zero
 
 
 @dataclass(frozen=True)
 class WrongSign:
-    """A control that is not where its switching function wants it."""
+    """An interval in which a control is at the bound that maximises H instead of minimising it."""
 
     control: int
     start: float  # [s]
@@ -48,14 +48,14 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is left of the necessary conditions; an optimal motion of the right structure has none of it.
+    """Violated conditions of optimality; all are empty for an optimal motion of the right structure.
 
     Args:
         gap: cost that better controls would save to first order, share of the cost.
-        signs: intervals with a control on the wrong side, the worst first.
-        crossings: state limits exceeded.
-        jumps: of costates with the wrong sign.
-        released: contacts held with a multiplier of the wrong sign, by arc.
+        signs: intervals with a control at the wrong bound, the worst first.
+        crossings: state limits exceeded, the worst first.
+        jumps: of costates, with the wrong sign.
+        released: (arc, contact) of state limits active along an arc with a multiplier of the wrong sign.
     """
 
     gap: float
@@ -66,7 +66,7 @@ class Certificate:
 
     @property
     def sound(self) -> bool:
-        """Whether what is left is rounding."""
+        """Whether all conditions hold up to rounding."""
         exceeded = any(crossing.share > EXCESS for crossing in self.crossings)
         return self.gap <= GAP and not (exceeded or self.jumps or self.released)
 
@@ -75,28 +75,30 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
     """Check the necessary conditions of a motion of given structure.
 
     Args:
-        task: that it solves.
-        motion: as solved.
+        task: the problem.
+        motion: the solution of its NLP.
 
     Source: Hartl, Sethi, Vickson, A survey of the maximum principles for optimal control problems with state
         constraints, SIAM Review 37, 1995 (direct adjoining).
     """
     limits, scheme = task.limits, task.scheme
     gap, signs = _signs(task, motion)
-    cost = max(abs(motion.answer.cost), 1e-300)
+    cost = max(abs(motion.result.cost), 1e-300)
     sizes = [limit.range / cost for limit in limits]
-    # At an upper limit multipliers and jumps are positive, at a lower one negative. Those of a hold are derivatives of
-    # its multiplier and noisy on a short arc; those of a touch are multipliers of the NLP.
+    # At an upper limit multipliers and jumps are positive, at a lower one negative. Jumps at the ends of an arc on a
+    # limit are derivatives of its multiplier and noisy on a short arc; those of a touch point are NLP multipliers.
     jumps = tuple(
         j
         for j in motion.jumps
-        if j.size * j.contact.side * sizes[j.contact.limit] < -(SIGNIFICANT if j.contact.control < 0 else RELEASED)
+        if j.height * j.contact.side * sizes[j.contact.limit] < -(SIGNIFICANT if j.contact.control < 0 else RELEASED)
     )
     # The multiplier is a high derivative and noisy on a short arc; its integral is not.
-    pushes = [float(np.sum(p.values * p.contact.side * _seconds(motion, p.arc, scheme))) for p in motion.pressures]
+    pushes = [
+        float(np.sum(p.values * p.contact.side * _seconds(motion, p.arc, scheme))) for p in motion.limit_multipliers
+    ]
     released = tuple(
         (p.arc, p.contact)
-        for p, push in zip(motion.pressures, pushes, strict=True)
+        for p, push in zip(motion.limit_multipliers, pushes, strict=True)
         if push * sizes[p.contact.limit] < -RELEASED
     )
     return Certificate(gap, signs, _crossings(task, motion), jumps, released)
@@ -108,11 +110,11 @@ def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
 
 
 def complaint(task: ArcProblem, certificate: Certificate) -> str:
-    """Return in words what a certificate finds wrong.
+    """Return the worst violated condition as a sentence.
 
     Args:
-        task: that the motion solves.
-        certificate: of it.
+        task: the problem.
+        certificate: of its motion.
     """
     limits, system = task.limits, task.problem.system
     if certificate.crossings and certificate.crossings[0].share > EXCESS:
@@ -122,12 +124,12 @@ def complaint(task: ArcProblem, certificate: Certificate) -> str:
     if certificate.jumps or certificate.released:
         contact = certificate.jumps[0].contact if certificate.jumps else certificate.released[0][1]
         return f"the multiplier of the limit of {limits[contact.limit].label.name} has the wrong sign"
-    words = f"the switching functions leave a gain of {certificate.gap:.1e} of the cost"
+    reason = f"the switching functions leave a gain of {certificate.gap:.1e} of the cost"
     if certificate.signs:
         worst_sign = certificate.signs[0]
         name = system.label("u", system.u.numel())[worst_sign.control].name
-        words += f", most of it by {name} from {worst_sign.start:.6g} to {worst_sign.end:.6g} s"
-    return words
+        reason += f", most of it by {name} from {worst_sign.start:.6g} to {worst_sign.end:.6g} s"
+    return reason
 
 
 def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign, ...]]:
@@ -143,14 +145,14 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
     gains = np.where(np.abs(result.shares) > SIGNIFICANT, result.gains, 0.0)
     seconds = motion.duration * motion.grid.widths
     t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
-    # A trapezoid on the places of every element is enough for a quantity that should vanish.
+    # The trapezoidal rule is accurate enough for a quantity that should vanish.
     weight = np.zeros(s)
     weight[:-1] += np.diff(tau) / 2.0
     weight[1:] += np.diff(tau) / 2.0
     weights = (seconds[:, None] * weight).ravel()
     kinds = np.array([[a.kinds[i].value for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     wrong: list[WrongSign] = []
-    cost = max(abs(motion.answer.cost), 1e-300)
+    cost = max(abs(motion.result.cost), 1e-300)
     for i in range(u.shape[1]):
         for kind, wanted in ((Kind.LOWER, Kind.UPPER), (Kind.UPPER, Kind.LOWER)):
             bad = (gains[:, i] > 0.0) & (kinds[:, i] == kind.value)
@@ -164,7 +166,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
 
 
 def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
-    """Return where limits are exceeded between nodes."""
+    """Return where state limits are exceeded, between the nodes as well."""
     limits, scheme = task.limits, task.scheme
     if not limits:
         return ()

@@ -1,4 +1,4 @@
-"""Polish a solution: switching times as unknowns, so that no switch lies inside an element."""
+"""Polishing: switching times become unknowns, so that no switch lies inside an element."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.arcs.arc_nlp import ArcProgramme, prepare_arcs
+from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
 from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
 from ocp.arcs.detection import contacts, read
@@ -30,21 +30,21 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 DOUBLINGS = 3  # of the elements, until the residual is small enough
-RESIDUAL = 5e-7  # local error of the dynamics on an element, share of the range of a state, that is small enough
-REVISIONS = 16  # structures tried for one reading
-FAILURES = 2  # structures that lead nowhere, tried for one reading
-PUSHED = 1e-4  # of scaled unknowns, by limits that are near
-READINGS = 3  # the second and third after refining the grid where the structure is in doubt
+RESIDUAL = 5e-7  # accepted local error of the dynamics on an element, share of the range of a state
+REVISIONS = 16  # most structures tried for one detection
+FAILURES = 2  # most structures whose NLP is not solved, for one detection
+PUSHED = 1e-4  # largest change of a scaled unknown when the barrier of inactive limits is removed
+READINGS = 3  # most detections; the second and third after refining the grid where the structure is in doubt
 # No further structure is tried after that much work, 5 times that of the given solve and so much more. Work is counted
 # in iterations at one collocation point, not in seconds, so that a busy machine finds the same.
 PATIENCE = 5.0, 25000
-WEIGHT = 1e-2  # of undetermined controls, share of the cost per second; halved with each step
-PROXIMAL, PRICE = 8, 1e-11  # steps until their price is this share of the cost
+WEIGHT = 1e-2  # penalty on singular controls, share of the cost per second; halved with each step
+PROXIMAL, LEFT = 8, 1e-11  # most proximal steps; they end when the penalty is this share of the cost
 
 
 @dataclass(frozen=True, eq=False)
-class _Try:
-    """What came of one reading."""
+class _Attempt:
+    """The result of one detection and the revisions that followed."""
 
     motion: ArcMotion | None
     certificate: Certificate | None
@@ -67,8 +67,8 @@ def polish(
     Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
     the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
-    Interior arcs of controls that enter the Hamiltonian linearly are singular: a price on the distance from the last
-    iterate keeps them from chattering and is iterated away (proximal point); what is left of it is in the message.
+    Interior arcs of controls that enter the Hamiltonian linearly are singular: a penalty on the distance from the last
+    iterate keeps them from chattering and is iterated away (proximal point); the message gives its final value.
 
     Args:
         solution: solved, of a Problem.
@@ -94,8 +94,8 @@ def polish(
     checks.instance("polish: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     scheme = legendre(6, Control.COLLOCATED) if scheme is None else scheme
     if not isinstance(scheme, Scheme) or scheme.control is not Control.COLLOCATED:
-        told = checks.shown(scheme)
-        raise TypeError(f"polish: scheme is {told}, expected one with control=Control.COLLOCATED")
+        shown = checks.shown(scheme)
+        raise TypeError(f"polish: scheme is {shown}, expected one with control=Control.COLLOCATED")
     if scheme.slope_at_start:
         raise TypeError(f"polish: scheme is {scheme!r}, expected radau or legendre")
     settings = SETTINGS if solver is None else solver
@@ -118,7 +118,7 @@ def polish(
         iterations, left = iterations + tried.iterations, left - tried.work
         reason = reason or tried.reason
         if tried.motion is not None and tried.certificate is not None:
-            if tried.motion.answer.cost - tried.motion.price <= allowed:
+            if tried.motion.result.cost - tried.motion.penalty <= allowed:
                 spent = iterations, time.perf_counter() - begun
                 result = _polished(task, solution, tried, spent)
                 loose = between_points(result)
@@ -126,7 +126,7 @@ def polish(
                     return result
                 reason = loose[0]
             else:
-                cost = tried.motion.answer.cost
+                cost = tried.motion.result.cost
                 reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
         if reading + 1 == READINGS or left <= 0.0:
             break
@@ -148,12 +148,12 @@ def _couples(problem: Problem, limit: StateLimit) -> bool:
     return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
 
 
-def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Try:
-    """Read a structure, solve it and revise it until nothing is wrong."""
+def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Attempt:
+    """Detect a structure, solve its NLP and revise it until all conditions of optimality hold."""
     arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
     seen: set[tuple[object, ...]] = set()
     solves = iterations = work = level = steps = failures = 0
-    settled: _Try | None = None
+    settled: _Attempt | None = None
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
         elements = elements_of(arcs, level)
         loose = task.loose(arcs)
@@ -161,10 +161,10 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
         begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
         nlp = prepare_arcs(task, arcs, elements, guess, begin, weight)
         motion = nlp.solve(nlp.start(guess, durations(arcs)))
-        solves, iterations = solves + 1, iterations + motion.answer.iterations
-        work += motion.answer.iterations * sum(elements) * task.scheme.degree
+        solves, iterations = solves + 1, iterations + motion.result.iterations
+        work += motion.result.iterations * sum(elements) * task.scheme.degree
         seen.add(key_of(arcs))
-        if motion.answer.status is not Status.SOLVED:
+        if motion.result.status is not Status.SOLVED:
             if settled is not None:
                 return replace(settled, iterations=iterations, work=work)  # only its residual could have been smaller
             failures += 1
@@ -173,39 +173,39 @@ def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float
             if other is not None and failures <= FAILURES:
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
-            words = f"the arcs that were read lead nowhere ({motion.answer.verbatim})"
-            return _Try(None, None, words, iterations, work)
+            reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
+            return _Attempt(None, None, reason, iterations, work)
         certificate = certify(task, motion)
         solution, sound = motion.solution(task, coarse), certificate.sound
         revised = revise(motion, certificate, task.limits)
         if (not sound or len(revised) < len(motion.arcs)) and key_of(revised) not in seen:
             arcs, guess, steps = revised, from_solution(solution), 0
             continue
-        regularised = motion.price > PRICE * abs(motion.answer.cost) and steps < PROXIMAL
+        regularised = motion.penalty > LEFT * abs(motion.result.cost) and steps < PROXIMAL
         if not sound and regularised and not (certificate.signs or certificate.crossings or certificate.jumps):
-            # What is wrong is inside singular arcs, and the price on them does that.
+            # Only singular arcs are wrong, because of the penalty on them.
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
         if not sound and level >= 1:
-            return _Try(None, None, complaint(task, certificate), iterations, work)
-        settled = _Try(motion, certificate, "", iterations, work) if sound else None
+            return _Attempt(None, None, complaint(task, certificate), iterations, work)
+        settled = _Attempt(motion, certificate, "", iterations, work) if sound else None
         if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
             continue
-        return _Try(*_finished(nlp, motion, certificate), "", iterations, work)
-    return _Try(None, None, "the structure does not settle", iterations, work)
+        return _Attempt(*_finished(nlp, motion, certificate), "", iterations, work)
+    return _Attempt(None, None, "the structure does not settle", iterations, work)
 
 
-def _finished(nlp: ArcProgramme, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
-    """Return a motion solved once more as equations, if it is one: limits that it only comes near push it a little."""
+def _finished(nlp: ArcNlp, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+    """Return the motion solved again by Newton's iteration without inactive limits, whose barrier moves it a little."""
     task, bare = nlp.task, nlp.unlimited()
     if bare.equations is None or task.loose(motion.arcs):
         return motion, certificate
-    better = bare.solve(motion.answer.z)
-    before, after = motion.answer, better.answer
+    better = bare.solve(motion.result.z)
+    before, after = motion.result, better.result
     moved = np.max(np.abs(after.z - before.z))
     if after.status is not Status.SOLVED or moved > PUSHED or without_vanished(better.arcs) != better.arcs:
         return motion, certificate
@@ -215,7 +215,7 @@ def _finished(nlp: ArcProgramme, motion: ArcMotion, certificate: Certificate) ->
         before, z=after.z, multipliers=after.multipliers, limits=after.limits, cost=after.cost, derivatives=inside,
         seconds=seconds,
     )  # fmt: skip
-    return (replace(better, answer=answer), again) if again.sound else (motion, certificate)
+    return (replace(better, result=answer), again) if again.sound else (motion, certificate)
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:
@@ -241,22 +241,22 @@ def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...])
     return Grid(np.append(np.concatenate(marks), 1.0))
 
 
-def _polished(task: ArcProblem, given: Solution, tried: _Try, spent: tuple[int, float]) -> Solution:
+def _polished(task: ArcProblem, given: Solution, tried: _Attempt, spent: tuple[int, float]) -> Solution:
     motion, certificate = tried.motion, tried.certificate
     assert motion is not None
     assert certificate is not None
     iterations, seconds = spent
     result = motion.solution(task, given)
-    words = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
+    summary = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
     residual = float(np.max(result.error))
     if residual > RESIDUAL:
-        words += f", local error of the dynamics {residual:.1e}"
-    if motion.price > 0.0:
-        words += f", singular arcs regularised at a price of {motion.price / abs(result.cost):.1e} of the cost"
-    inside = motion.answer.derivatives
-    timings = Timings(seconds - motion.answer.seconds, inside, motion.answer.seconds - inside, seconds)
+        summary += f", local error of the dynamics {residual:.1e}"
+    if motion.penalty > 0.0:
+        summary += f", singular arcs regularised by a penalty of {motion.penalty / abs(result.cost):.1e} of the cost"
+    inside = motion.result.derivatives
+    timings = Timings(seconds - motion.result.seconds, inside, motion.result.seconds - inside, seconds)
     return replace(
-        result, message=f"{Status.SOLVED.value}; {words}", iterations=iterations, timings=timings, rung="polish",
+        result, message=f"{Status.SOLVED.value}; {summary}", iterations=iterations, timings=timings, rung="polish",
         structure=tabulate(task.problem, task.limits, motion.arcs),
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Revision of a switching structure by what its certificate finds wrong."""
+"""Revision of a switching structure where a condition of optimality is violated."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.structure import Arc, Contact, Kind
 
-VANISHED = 1e-7  # share of the whole duration below which an arc is dropped
-WHOLE = 0.9  # share of a spell with the wrong sign above which the spell changes its kind
+VANISHED = 1e-7  # duration of an arc, share of the motion, below which it is dropped
+WHOLE = 0.9  # share of a stretch with the wrong sign above which the whole stretch changes its kind
 
 
 def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return arcs without those that have shrunk to nothing; what began with them begins with the next."""
+    """Return the arcs without those of no duration; touch points at their starts move to the next arc."""
     total = sum(arc.duration for arc in arcs)
     kept: list[Arc] = []
     pending: tuple[Contact, ...] = ()
@@ -34,7 +34,10 @@ def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
 
 
 def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return arcs in which two switches of different controls, between which the arc has vanished, change places."""
+    """Return the arcs with two switches exchanged where the arc between them has shrunk to zero length.
+
+    The two switches must belong to different controls.
+    """
     total = sum(arc.duration for arc in arcs)
     changed = list(arcs)
     for k in range(1, len(arcs) - 1):
@@ -53,7 +56,7 @@ def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
 
 
 def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> tuple[Arc, ...]:
-    """Return arcs without contacts whose multiplier or jump says that the motion would rather leave the limit."""
+    """Return the arcs without contacts whose multiplier or jump has the wrong sign."""
     changed = list(arcs)
     for jump in certificate.jumps:
         if jump.arc < len(changed):
@@ -70,7 +73,7 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
 
 
 def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return arcs in which the limit held for the shortest time is not held, its control left as in the arc before."""
+    """Return the arcs without the shortest arc on a state limit; its control stays as on the arc before."""
     held = [k for k, arc in enumerate(arcs) if arc.held and k > 0]
     if not held:
         return arcs
@@ -84,7 +87,7 @@ def without_shortest_hold(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
 
 
 def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
-    """Return arcs that touch a limit where it is exceeded most."""
+    """Return the arcs with a touch point added where a state limit is exceeded most."""
     if limits[crossing.contact.limit].order == 0:
         return arcs
     cut, k = _cut(arcs, crossing.worst)
@@ -95,7 +98,7 @@ def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateL
 
 
 def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
-    """Return arcs in which a control is where its switching function wants it, for a part of the interval."""
+    """Return the arcs with a control at the bound that its switching function asks for, in part of the interval."""
     start, end = wrong.start, wrong.end
     starts = _starts(arcs)
     own = [k for k, arc in enumerate(arcs) if starts[k] < (start + end) / 2.0 <= starts[k] + arc.duration]
@@ -107,12 +110,12 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
         first -= 1
     while last + 1 < len(arcs) and arcs[last + 1].kinds[wrong.control] is arcs[k].kinds[wrong.control]:
         last += 1
-    spell = starts[last] + arcs[last].duration - starts[first]
-    if end - start < WHOLE * spell:
+    stretch = starts[last] + arcs[last].duration - starts[first]
+    if end - start < WHOLE * stretch:
         quarter = (end - start) / 4.0
-        # Where the interval begins or ends with the spell, the switch there has the wrong order.
-        a = start if start - starts[first] < 1e-6 * spell else start + quarter
-        b = end if starts[last] + arcs[last].duration - end < 1e-6 * spell else end - quarter
+        # Where the interval begins or ends with the stretch, the switch there comes too early or too late.
+        a = start if start - starts[first] < 1e-6 * stretch else start + quarter
+        b = end if starts[last] + arcs[last].duration - end < 1e-6 * stretch else end - quarter
         arcs, _ = _cut(arcs, a)
         arcs, _ = _cut(arcs, b)
         starts = _starts(arcs)
@@ -129,12 +132,12 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
 
 
 def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
-    """Return the structure to try next; the same arcs if nothing is wrong or nothing helps.
+    """Return the structure to try next; the same arcs if no revision applies.
 
     Args:
-        motion: as solved.
-        certificate: of it.
-        limits: of the states.
+        motion: the solution for the present structure.
+        certificate: its violated conditions.
+        limits: state limits of the problem.
     """
     arcs = without_vanished(motion.arcs)
     if len(arcs) < len(motion.arcs):
@@ -158,7 +161,7 @@ def _starts(arcs: tuple[Arc, ...]) -> list[float]:
 
 
 def _cut(arcs: tuple[Arc, ...], t: float) -> tuple[tuple[Arc, ...], int]:
-    """Return arcs with one that begins at t, and its number."""
+    """Return the arcs, cut so that one of them begins at t, and its index."""
     begin = 0.0
     total = sum(arc.duration for arc in arcs)
     for k, arc in enumerate(arcs):

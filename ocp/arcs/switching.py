@@ -1,4 +1,4 @@
-"""Switching functions: what a Hamiltonian gains by a change of each control, and where its sign is wrong."""
+"""Switching functions dH/du of the controls along a motion."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from ocp.problem.problem import Problem
 
 @dataclass(frozen=True, eq=False)
 class SwitchingFunctions:
-    """dH/du_i along a motion, H = lambda . f + running, at K places.
+    """dH/du_i along a motion, H = lambda . f + running, at K points.
 
     Args:
         values: (K, nu) [cost/s per unit of the control].
         gains: (K, nu) cost per second that the best value of each control alone would save, >= 0.
-        shares: (K, nu) values times the range of the control, relative to the size of the Hamiltonian's terms.
+        shares: (K, nu) values times the range of the control, divided by the scale of the terms of H.
     """
 
     values: Array
@@ -39,7 +39,7 @@ def switching_functions(
     A control minimises H: at its lower limit where dH/du > 0, at its upper one where dH/du < 0.
 
     Args:
-        problem: whose Hamiltonian it is.
+        problem: one phase.
         x, u, costates: (K, nx), (K, nu), (K, nx).
         parameters: (np,) values.
 
@@ -49,18 +49,18 @@ def switching_functions(
     function = _slopes(problem)
     p = np.tile(np.array(parameters, dtype=float)[:, None], len(x))
     result = mapped(function, len(x))(x.T, u.T, p, costates.T)
-    values, sizes, bends = np.array(result[0]).T, np.array(result[1]).ravel(), np.array(result[2]).T
-    size = max(abs(problem.minimise.time), float(np.mean(sizes)), 1e-300)
+    values, terms, curvature = np.array(result[0]).T, np.array(result[1]).ravel(), np.array(result[2]).T
+    scale = max(abs(problem.minimise.time), float(np.mean(terms)), 1e-300)
     low, high = problem.limits(Where.ALONG, system.u)
-    reach = np.max(np.abs(u), axis=0, initial=0.0)
-    span = np.where(np.isfinite(high - low), high - low, reach)
-    least, most = np.where(np.isfinite(low), low, u - reach), np.where(np.isfinite(high), high, u + reach)
-    # H is taken as a parabola in each control: its best value is its vertex or an end of the range.
+    largest = np.max(np.abs(u), axis=0, initial=0.0)
+    width = np.where(np.isfinite(high - low), high - low, largest)
+    least, most = np.where(np.isfinite(low), low, u - largest), np.where(np.isfinite(high), high, u + largest)
+    # H is a parabola in each control: its least value is at the vertex or at a bound.
     with np.errstate(divide="ignore", invalid="ignore"):
-        vertex = np.where(bends > 0.0, u - values / bends, np.where(values > 0.0, least, most))
+        vertex = np.where(curvature > 0.0, u - values / curvature, np.where(values > 0.0, least, most))
     step = np.clip(vertex, least, np.maximum(least, most)) - u
-    gains = np.maximum(-(values * step + np.maximum(bends, 0.0) / 2.0 * step**2), 0.0)
-    return SwitchingFunctions(values, gains, values * span / size)
+    gains = np.maximum(-(values * step + np.maximum(curvature, 0.0) / 2.0 * step**2), 0.0)
+    return SwitchingFunctions(values, gains, values * width / scale)
 
 
 @functools.lru_cache(maxsize=32)

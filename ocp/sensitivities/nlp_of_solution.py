@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from ocp.arcs.arc_nlp import ArcProgramme, pose_arcs
+from ocp.arcs.arc_nlp import ArcNlp, transcribe_arcs
 from ocp.arcs.arc_problems import arc_problem
 from ocp.checks import Array
 from ocp.problem.problem import Fixed, Problem
@@ -54,7 +54,7 @@ class Reconstruction:
     head: Array
     arc: Array
     shares: Array
-    posed: ArcProgramme | None
+    posed: ArcNlp | None
     duration: float
 
     def slope(self, at: Optimum) -> Array:
@@ -73,7 +73,7 @@ class Reconstruction:
 
     def touches(self) -> Iterator[tuple[str, int, int]]:
         """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
-        ties = zip(self.posed.ties, self.nlp.conditions, strict=True) if self.posed else ()
+        ties = zip(self.posed.conditions, self.nlp.conditions, strict=True) if self.posed else ()
         for tie, rows in ties:
             assert self.posed is not None
             if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:
@@ -141,11 +141,11 @@ def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reco
     arc = np.minimum(np.searchsorted(np.cumsum(durations), middles), len(durations) - 1)
     elements = tuple(np.bincount(arc, minlength=len(durations)).tolist())
     task = arc_problem(problem, solution.scheme, solution.values)
-    posed = pose_arcs(task, structure.arcs, elements, from_solution(solution))
+    posed = transcribe_arcs(task, structure.arcs, elements, from_solution(solution))
     shares = 1.0 / np.repeat(elements, elements)
     return Reconstruction(
         posed.nlp, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
-        np.zeros(posed.nlp.layout.size), np.array(numbers), posed.division.arc, shares, posed, solution.duration,
+        np.zeros(posed.nlp.layout.size), np.array(numbers), posed.arc_layout.arc, shares, posed, solution.duration,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from ocp.checks import Array
 from ocp.numerics.compilation import Compile
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Fixed, Problem
-from ocp.transcription.arc_division import Condition, Division, Near
+from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.derivatives import Local, assemble
 from ocp.transcription.grid import Grid
 from ocp.transcription.layout import Layout, lay_out
@@ -26,7 +26,7 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 
 
 def transcribe(
-    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, division: Division | None = None,
+    problem: Problem, scheme: Scheme, grid: Grid, scaling: Scaling, arc_layout: ArcLayout | None = None,
     translate: Compile | None = None,
 ) -> Nlp:  # fmt: skip
     """Return the NLP of a problem on a grid.
@@ -36,20 +36,20 @@ def transcribe(
         scheme: from radau, legendre, lobatto.
         grid: of [0, 1].
         scaling: magnitudes of the unknowns.
-        division: into arcs with durations of their own (the horizon must be Free); None for one arc.
+        arc_layout: arcs with durations of their own (the horizon must be Free); None for one arc.
         translate: makes compiled functions of those of an element; None for none.
     """
     system, n = problem.system, len(grid)
     nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
-    division = Division(np.zeros(n, dtype=int)) if division is None else division
+    arc_layout = ArcLayout(np.zeros(n, dtype=int)) if arc_layout is None else arc_layout
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
-    layout = lay_out(scheme, grid, nx, nu, 0 if fixed else division.arcs, len(free))
+    layout = lay_out(scheme, grid, nx, nu, 0 if fixed else arc_layout.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
     tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
-    element = _element(problem, scheme, layout, symbols, path_parts, tau, division.arc)
+    element = _element(problem, scheme, layout, symbols, path_parts, tau, arc_layout.arc)
     ends = _ends(problem, scheme, layout, symbols, ends_parts)
 
     s = ca.MX.sym("s", np_ + fixed + n)
@@ -59,29 +59,30 @@ def transcribe(
         np.array([scaling.size(i, c) for i, c, _ in ends_parts]),
     ]
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
-    for condition in division.conditions:
-        local = _chosen(problem, scheme, layout, symbols, condition, division.arc)
+    for condition in arc_layout.conditions:
+        local = _chosen(problem, scheme, layout, symbols, condition, arc_layout.arc)
         blocks.append((local, [ca.repmat(p, 1, local.copies)]))
         sizes.append(np.ones(local.rows))
-    for near in division.near:
-        reference = ca.MX(ca.DM(near.reference.reshape(len(near.elements), -1).T.tolist()))
-        blocks.append((_near(layout, symbols, near, division.arc), [widths[near.elements.tolist()].T, reference]))
+    for penalty in arc_layout.penalties:
+        reference = ca.MX(ca.DM(penalty.reference.reshape(len(penalty.elements), -1).T.tolist()))
+        local = _penalty(layout, symbols, penalty, arc_layout.arc)
+        blocks.append((local, [widths[penalty.elements.tolist()].T, reference]))
         sizes.append(np.zeros(0))
-    if division.total:
+    if arc_layout.total:
         blocks.append((_total(layout, scaling), []))
         sizes.append(np.full(1, scaling.horizon))
     expressions, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
-    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in division.conditions)])
+    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in arc_layout.conditions)])
     chosen = tuple(
         first + np.arange(c.rows).reshape(len(c.elements), len(c.tau), -1)
-        for first, c in zip(counts[1:], division.conditions, strict=False)
+        for first, c in zip(counts[1:], arc_layout.conditions, strict=False)
     )
     return Nlp(
         problem, scheme, grid, scaling, layout, free, expressions, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
-        chosen, counts[-1] + np.arange(int(division.total)), compilation,
+        chosen, counts[-1] + np.arange(int(arc_layout.total)), compilation,
         np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
 
@@ -189,7 +190,7 @@ def _chosen(
     system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
     inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
     x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
-    values = ca.densify(inside(*symbols.physical(x, u))) / condition.size
+    values = ca.densify(inside(*symbols.physical(x, u))) / condition.scale
     count, shared = values.numel(), symbols.shared.numel()
     terms = []
     for j, t in enumerate(condition.tau):
@@ -203,20 +204,20 @@ def _chosen(
     )
 
 
-def _near(layout: Layout, symbols: _Symbols, near: Near, arc: Array) -> Local:
-    """Return the function of a price for leaving a reference on an element."""
+def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) -> Local:
+    """Return the penalty on the controls of one element as a local function."""
     (m, nx), (c, nu) = layout.state.shape[1:], layout.control.shape[1:]
-    width, reference = ca.SX.sym("h"), ca.SX.sym("reference", c * len(near.controls))
+    width, reference = ca.SX.sym("h"), ca.SX.sym("reference", c * len(penalty.controls))
     u, shared = ca.SX.sym("u", c * nu), symbols.shared
-    price = ca.SX(0)
+    squares = ca.SX(0)
     for j in range(c):
-        own = ca.vertcat(*(u[j * nu + int(i)] * symbols.scaling.u[int(i)] for i in near.controls))
-        aim = reference[j * len(near.controls) : (j + 1) * len(near.controls)]
-        price += near.shares[j] * ca.sumsqr((own - aim) / near.size)
-    value = near.weight / 2.0 * width * symbols.duration * price
+        own = ca.vertcat(*(u[j * nu + int(i)] * symbols.scaling.u[int(i)] for i in penalty.controls))
+        aim = reference[j * len(penalty.controls) : (j + 1) * len(penalty.controls)]
+        squares += penalty.quadrature[j] * ca.sumsqr((own - aim) / penalty.scale)
+    value = penalty.weight / 2.0 * width * symbols.duration * squares
     rest = c * nu + shared.numel()
     inner = np.hstack([np.zeros((rest, m * nx)), np.eye(rest)])
-    places = _places(layout, near.elements, arc)
+    places = _places(layout, penalty.elements, arc)
     return Local(
         value, ca.vertcat(u, shared), (width, reference), np.zeros((1, len(places))), [(np.ones((1, 1)), inner)], places
     )

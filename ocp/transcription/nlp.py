@@ -38,7 +38,7 @@ class Nlp:
     ends: Array  # (nb,) rows of g
     path_parts: tuple[tuple[int, int], ...]  # (constraint, component) of each path row
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
-    conditions: tuple[Array, ...] = ()  # for each condition of a division (elements, places, m) rows of g
+    conditions: tuple[Array, ...] = ()  # for each condition of an arc layout (elements, points, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
     compilation: Compilation | None = None  # of the functions of an element, if asked for
     sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g

@@ -82,11 +82,9 @@ def assert_polished(solution):
 @pytest.mark.parametrize("name", EXACT)
 def test_known_optimum_after_one_coarse_solve(name):
     known, coarse, solution = polished(name)
-    assert abs(coarse.cost - known.cost) > 1e-7 or name in (
-        "double integrator",
-        "lift weightless",
-        "Bryson-Denham free",
-    )
+    # On 50 elements all are wrong by more than the polished ones may be, but those whose switches lie between elements.
+    exact = name in ("double integrator", "lift weightless", "Bryson-Denham free")
+    assert (abs(coarse.cost - known.cost) < 1e-7) is exact
     assert solution.cost == pytest.approx(known.cost, rel=1e-11 if name == "brachistochrone" else 1e-9, abs=1e-9)
     report = assert_polished(solution)
     if known.problem.minimise.time and not known.problem.minimise.running.nnz():
@@ -158,8 +156,8 @@ def test_multipliers_of_a_held_limit():
     arcs = Arc((INTERIOR,), 0.28), Arc((HOLDING,), 0.44, (held,)), Arc((INTERIOR,), 0.28)
     motion = solved_arcs(0.1, arcs, (2, 1, 2))
     np.testing.assert_allclose([arc.duration for arc in motion.arcs], [0.3, 0.4, 0.3], rtol=0, atol=5e-5)
-    np.testing.assert_allclose(motion.pressures[0].values, 0.0, atol=1e-6)  # the limit is pushed at its ends only
-    sizes = {jump.arc: jump.size for jump in motion.jumps}
+    np.testing.assert_allclose(motion.limit_multipliers[0].values, 0.0, atol=1e-6)  # none between its ends
+    sizes = {jump.arc: jump.height for jump in motion.jumps}
     assert sizes == {1: pytest.approx(2 / 0.09, rel=2e-6), 2: pytest.approx(2 / 0.09, rel=2e-6)}
 
 
@@ -167,7 +165,7 @@ def test_multiplier_of_a_touched_limit():
     motion = solved_arcs(0.2, (Arc((INTERIOR,), 0.4), Arc((INTERIOR,), 0.6, (), (Contact(0, 1),))), (2, 2))
     assert motion.arcs[0].duration == pytest.approx(0.5, abs=1e-9)
     (jump,) = motion.jumps
-    assert jump.size == pytest.approx(48 * (1 - 4 * 0.2), rel=1e-7)
+    assert jump.height == pytest.approx(48 * (1 - 4 * 0.2), rel=1e-7)
 
 
 def test_singular_arc_without_chatter():
@@ -180,9 +178,9 @@ def test_singular_arc_without_chatter():
     assert solution.structure.switches("u") == pytest.approx((switch,), abs=2e-4)
     t = np.linspace(switch + 0.01, 4.99, 200)
     np.testing.assert_allclose(solution.u(t)[:, 0], size * np.cosh(t - 5.0), rtol=0, atol=1e-2)  # the range is 2
-    words = "singular arcs regularised at a price of "
-    assert words in solution.message
-    assert float(solution.message.split(words)[1].split()[0]) < 1e-10
+    summary = "singular arcs regularised by a penalty of "
+    assert summary in solution.message
+    assert float(solution.message.split(summary)[1].split()[0]) < 1e-10
 
 
 def coarse_task(name, form, **changes):

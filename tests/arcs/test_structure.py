@@ -3,12 +3,13 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 from catalogue import problems
 from pictures import structure as picture_structure
 
-from ocp import Free, Problem, along, polish, solve, start, uniform
+from ocp import Bolza, Free, Problem, System, along, end, polish, solve, start, uniform
 from ocp.arcs.arcs import merged, tabulate
 from ocp.arcs.detection import contacts, read
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
@@ -283,3 +284,28 @@ def test_control_without_limits_is_never_at_one():
     free = replace(FREE, subject_to=FREE.subject_to[:1])
     solution = motion(FREE, [FAST] * 6 + [0.0, -1.0, 1.0, 0.5, -0.5, 0.0] + [SLOW] * 8, lambda t: t - 0.45)
     assert [arc.kinds for arc in read(free, replace(solution, problem=free), ())] == [(INTERIOR,)]
+
+
+def test_nothing_depends_on_the_order_in_which_parameter_values_are_given(tmp_path):
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 3)
+    strength, weight, top = p[0], p[1], p[2]
+    axis = System(x, u, p, ca.vertcat(x[1], strength * u - weight), {}, {"strength": 7.0, "weight": 3.0, "top": 0.8})
+    problem = Problem(axis, Free(1.0), Bolza(time=1.0), (
+        start(x, 0.0), end(x, [1.0, 0.0]), along(u, -1.0, 1.0), along(x[1] / top, upper=1.0),
+    ))  # fmt: skip
+    coarse = solve(problem, grid=uniform(20))
+    turned = replace(coarse, values=dict(reversed(coarse.values.items())))
+    assert list(turned.values) != list(coarse.values)
+    limits = state_limits(problem)
+    assert len(contacts(problem, coarse, limits)[0]) == 1
+    assert contacts(problem, turned, limits) == contacts(problem, coarse, limits)
+    assert read(problem, turned, limits) == read(problem, coarse, limits)
+    one, other = polish(coarse), polish(turned)
+    # From rest to 0.8 with 4, on, and back to rest with -10, over 1 in all.
+    assert one.duration == pytest.approx(0.2 + 0.08 + (1.0 - 0.08 - 0.032) / 0.8, rel=1e-9)
+    assert (other.duration, other.structure) == (one.duration, one.structure)
+    pictures = []
+    for name, solution in (("one", one), ("other", replace(one, values=dict(reversed(one.values.items()))))):
+        picture_structure.structure(solution, tmp_path / f"{name}.png")
+        pictures.append((tmp_path / f"{name}.png").read_bytes())
+    assert pictures[0] == pictures[1]

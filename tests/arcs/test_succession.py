@@ -260,7 +260,7 @@ def test_same_numbers_elsewhere_and_whatever_was_solved_before(tmp_path):
     assert far_away(tmp_path / "origin.npz") == expected
 
 
-def test_guess_may_come_from_a_file_and_has_the_last_word_on_the_structure(tmp_path):
+def test_guess_may_come_from_a_file_and_decides_the_structure(tmp_path):
     carry = carried("spherical")
     near = carry({"m_3": 15.6})
     save(near, tmp_path / "near.npz")
@@ -329,7 +329,7 @@ def test_wrong_arguments():
         prepare_structure(None)
     with pytest.raises(ValueError, match="has no structure"):
         prepare_structure(coarse)
-    with pytest.raises(ValueError, match="loaded without its model"):
+    with pytest.raises(ValueError, match="loaded without its problem"):
         prepare_structure(replace(carry.origin, problem=None))
     with pytest.raises(TypeError, match="guess: got 'x', expected a Solution"):
         carry(guess="x")
@@ -355,11 +355,11 @@ def test_maximum_on_the_way_is_no_minimum():
         nlp = prepare_arcs(task, arcs, (1, 1), guess, SETTINGS, limited=False)
         assert nlp.equations is not None
         motion = nlp.solve(nlp.start(guess, durations(arcs)))
-        assert (motion.answer.status is Status.SOLVED) is solved, motion.answer.verbatim
+        assert (motion.result.status is Status.SOLVED) is solved, motion.result.verbatim
         if solved:
             assert [arc.duration for arc in motion.arcs] == pytest.approx([0.35, 0.65], abs=1e-12)
         else:
-            assert "no minimum" in motion.answer.verbatim
+            assert "no minimum" in motion.result.verbatim
 
 
 def test_timings_are_those_of_the_call():
@@ -371,10 +371,10 @@ def test_timings_are_those_of_the_call():
 
 def test_solver_settings_are_taken():
     carry = prepare_structure(polish(solve(problems.bryson_denham(0.1).problem)), solver=Ipopt(max_iter=1, tol=1e-16))
-    assert_refused(carry(), "the arcs lead nowhere")
+    assert_refused(carry(), "the NLP of these arcs is not solved")
 
 
-def test_prepared_programme_takes_the_same_cost_stated_again():
+def test_prepared_nlp_takes_the_same_cost_stated_again():
     first, again = motion("spherical"), motion("spherical", 0.9)
     assert first.minimise is not again.minimise
     prepared = prepare(first, grid=uniform(10))

@@ -148,7 +148,7 @@ def test_polished_spherical_machine_against_differences_of_the_same_structure(na
         posed, elements = arc_problem(task, best.scheme, values), tuple(np.bincount(arc).tolist())
         again = prepare_arcs(posed, best.structure.arcs, elements, from_solution(best), replace(SETTINGS, tol=1e-12))
         motion = again.solve(again.restart(best))
-        assert motion.answer.status is ocp.Status.SOLVED
+        assert motion.result.status is ocp.Status.SOLVED
         # In this form the drives are the controls; places keep their share of the arc.
         sides.append((motion.duration, np.cumsum([a.duration for a in motion.arcs])[:-1], motion.controls))
     duration, switches, tau = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))

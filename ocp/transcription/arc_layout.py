@@ -1,0 +1,74 @@
+"""Extra NLP parts of a motion made of arcs: durations, equations at chosen points, penalties on chosen controls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from ocp.checks import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """An expression that becomes constraint rows at chosen points; the bounds of the rows say which value it must have.
+
+    Args:
+        expression: (m,) in x, u, p of the system.
+        scale: (m,) what the rows of the NLP are divided by.
+        elements: (e,) indices of the elements.
+        tau: points on each of these elements, in [0, 1].
+    """
+
+    expression: ca.SX
+    scale: Array
+    elements: Array
+    tau: tuple[float, ...]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of the NLP."""
+        return int(self.expression.numel() * len(self.elements) * len(self.tau))
+
+
+@dataclass(frozen=True, eq=False)
+class Penalty:
+    """A quadratic penalty, weight / 2 * integral of sum_i ((u_i - reference_i) / scale_i)^2 dt, added to the cost.
+
+    Args:
+        controls: (m,) indices of the controls.
+        reference: (e, d, m) controls at the collocation points of every element.
+        scale: (m,) scales of the controls.
+        weight: [cost/s].
+        elements: (e,) indices of the elements.
+        quadrature: (d,) weights of the collocation points.
+    """
+
+    controls: Array
+    reference: Array
+    scale: Array
+    weight: float
+    elements: Array
+    quadrature: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ArcLayout:
+    """The arc that every element belongs to; the width of an element is a share of the duration of its arc.
+
+    Args:
+        arc: (N,) index of the arc of each element, increasing from 0.
+        conditions: constraint rows at chosen points.
+        total: whether the sum of all arc durations is a constraint row.
+        penalties: on chosen controls, part of the cost.
+    """
+
+    arc: Array
+    conditions: tuple[Condition, ...] = ()
+    total: bool = False
+    penalties: tuple[Penalty, ...] = ()
+
+    @property
+    def arcs(self) -> int:
+        """Number of arcs."""
+        return int(self.arc[-1]) + 1
