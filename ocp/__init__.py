@@ -24,7 +24,7 @@ from ocp.solving.first_guesses import smooth, straight_line
 from ocp.solving.guess_ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.local_optima import Optimum, multistart
-from ocp.solving.prepared import Prepared, prepare
+from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.solving.solver import solve
 from ocp.studies.designs import LatinHypercube, Listed, Product, Random, Sobol, Zip
 from ocp.studies.store import Store, StoreError

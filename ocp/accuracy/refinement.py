@@ -20,10 +20,10 @@ from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
+from ocp.solving.guess_conversion import GuessLike, as_guesses, is_ladder
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.prepared import prepare
+from ocp.solving.prepared_nlp import prepare
 from ocp.solving.solver import solve
-from ocp.solving.starts import Start, as_guesses, is_ladder
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.schemes.gauss_legendre import legendre
 from ocp.transcription.schemes.lobatto_iiia import lobatto
@@ -72,7 +72,7 @@ def solve_to_accuracy(
     scheme: Scheme | None = None,
     grid: Grid | None = None,
     solver: Ipopt | None = None,
-    guess: Start | Several[Any] | None = None,
+    guess: GuessLike | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
     *,
     seconds: float = float("inf"),
@@ -131,7 +131,7 @@ def solve_to_accuracy(
 
 def _rungs(
     problem: Problem, wanted: Tolerance, scheme: Scheme, grid: Grid, solver: Ipopt,
-    guess: Start | Several[Any] | None, values: Mapping[str, float] | None, budget: _Budget,
+    guess: GuessLike | Several[Any] | None, values: Mapping[str, float] | None, budget: _Budget,
     finish: Callable[[Solution], Solution] | None,
 ) -> Iterator[Solution]:  # fmt: skip
     history: list[float] = []

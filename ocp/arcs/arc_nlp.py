@@ -18,7 +18,8 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc, Contact, Kind
-from ocp.solving.ipopt import Answer, Ipopt, Solver, build, run
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.nlp_solver import NlpResult, PhysicalSolver, physical_solver
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
@@ -54,7 +55,7 @@ class ArcNlp:
     arc_layout: ArcLayout
     conditions: tuple[LimitCondition, ...]
     limited: bool
-    solver: Solver | None
+    solver: PhysicalSolver | None
     equations: Equations | None
     setup: float
 
@@ -100,12 +101,12 @@ class ArcNlp:
         if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
             # More equations than unknowns, and no simultaneous switches that could make some equations dependent.
             nothing, reason = np.zeros(len(rows_low)), "fewer unknowns than conditions"
-            answer = Answer(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, reason, 0, 0.0, 0.0, {})
+            answer = NlpResult(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, reason, 0, 0.0, 0.0, {})
         elif self.equations is not None:
             answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
             assert self.solver is not None
-            answer = run(self.solver, np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
+            answer = self.solver(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
 
     @property
@@ -113,7 +114,7 @@ class ArcNlp:
         """(N,) widths of the elements as shares of the duration of their arc."""
         return 1.0 / np.repeat(self.elements, self.elements)
 
-    def _motion(self, answer: Answer, setup: float) -> ArcMotion:
+    def _motion(self, answer: NlpResult, setup: float) -> ArcMotion:
         nlp, layout, scaling, arc = (
             self.nlp,
             self.nlp.layout,
@@ -216,8 +217,8 @@ def prepare_arcs(
     whole = transcribe_arcs(task, arcs, elements, guess, weight)
     whole = whole if limited else whole.unlimited()
     nlp = whole.nlp
-    sizes = nlp.scaling.cost, nlp.sizes
-    solver = None if whole.equations else build(nlp.expressions, nlp.derivatives, settings, False, sizes)
+    sizes = nlp.scaling.cost, nlp.row_scales
+    solver = None if whole.equations else physical_solver(nlp.expressions, nlp.derivatives, sizes, settings)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun)
 
 

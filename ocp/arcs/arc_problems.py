@@ -15,7 +15,7 @@ from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.solution import Solution
 from ocp.solution.structure import Arc, Kind
-from ocp.solving.ipopt import Answer
+from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -90,7 +90,7 @@ class ArcMotion:
     """
 
     arcs: tuple[Arc, ...]
-    result: Answer
+    result: NlpResult
     grid: Grid
     arc: Array
     states: Array

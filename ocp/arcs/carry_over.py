@@ -19,8 +19,8 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Problem, same_structure
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure import Arc
+from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.starts import from_solution
 
 REVISIONS = 3  # of a structure that turns out wrong
 SHORTEST = 1e-6  # initial duration, share of the motion, of a new arc between two switches that are exchanged

@@ -10,7 +10,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.solution.solution import Status
-from ocp.solving.ipopt import Answer
+from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.nlp import Nlp
 
 Sides = tuple[Array, Array, Array, Array]  # lower and upper bounds of unknowns, then of rows
@@ -41,7 +41,7 @@ class Equations:
     border: ca.DM
     linear: ca.Linsol
 
-    def solve(self, z0: Array, p: Array, sides: Sides) -> Answer:
+    def solve(self, z0: Array, p: Array, sides: Sides) -> NlpResult:
         """Solve for the unknowns and the multipliers, grad f + g' lambda = 0.
 
         Args:
@@ -85,7 +85,7 @@ class Equations:
         except RuntimeError as error:  # a matrix that cannot be factorised
             status, message = Status.FAILED, str(error).splitlines()[-1]
         seconds = time.perf_counter() - begun
-        return Answer(z, lam, limits, cost, status, message, len(sizes), inside, seconds, {"correction": sizes})
+        return NlpResult(z, lam, limits, cost, status, message, len(sizes), inside, seconds, {"correction": sizes})
 
     def _chosen(self, z: Array, p: Array, square: ca.DM, step: Array, directions: Array) -> tuple[Array, float]:
         """Return the step along the directions that the equations leave free, and the least curvature there."""

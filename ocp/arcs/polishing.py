@@ -21,9 +21,9 @@ from ocp.problem.state_constraints import StateLimit
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import between_points
+from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.solver import solve
-from ocp.solving.starts import from_solution
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.gauss_legendre import legendre
 from ocp.transcription.schemes.scheme import Control, Scheme

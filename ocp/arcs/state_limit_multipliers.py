@@ -12,7 +12,7 @@ from ocp.numerics.evaluation import mapped
 from ocp.numerics.polynomials import lagrange_matrix, slope_matrix
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.structure import Contact
-from ocp.solving.ipopt import Answer
+from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.arc_layout import Condition
 from ocp.transcription.grid import Grid
 from ocp.transcription.nlp import Nlp
@@ -55,7 +55,7 @@ class LimitCondition:
 
 
 def adjoin_directly(
-    limits: tuple[StateLimit, ...], conditions: tuple[LimitCondition, ...], nlp: Nlp, answer: Answer,
+    limits: tuple[StateLimit, ...], conditions: tuple[LimitCondition, ...], nlp: Nlp, answer: NlpResult,
     motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
 ) -> tuple[tuple[LimitMultiplier, ...], tuple[Jump, ...]]:  # fmt: skip
     """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.

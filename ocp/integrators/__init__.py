@@ -12,12 +12,12 @@ from ocp.checks import Array
 from ocp.integrators import tableaux
 from ocp.integrators.adaptive_step import AdaptiveStep
 from ocp.integrators.cvodes import Cvodes, Multistep
-from ocp.integrators.extrapolation import Extrapolation
 from ocp.integrators.fixed_step import FixedStep
-from ocp.integrators.predictor_corrector import PredictorCorrector
+from ocp.integrators.gragg_bulirsch_stoer import Extrapolation
 from ocp.integrators.runge_kutta import RadauWithEstimate, RungeKutta
-from ocp.integrators.stoermer_verlet import StoermerVerlet
+from ocp.integrators.symplectic import StoermerVerlet
 from ocp.integrators.tableaux import DORMAND_PRINCE_5, DORMAND_PRINCE_8
+from ocp.integrators.trapezoid import PredictorCorrector
 
 
 def extrapolation(rtol: float = 1e-12, atol: float | Array = 1e-12) -> Extrapolation:
@@ -102,7 +102,7 @@ def runge_kutta_4(step: float) -> FixedStep:
 
 
 def predictor_corrector(step: float, corrections: int = 2) -> FixedStep:
-    """Return the trapezoid rule as predictor and corrector, order 2; see `ocp.trapezoid.PredictorCorrector`.
+    """Return the trapezoid rule as predictor and corrector, order 2; see `PredictorCorrector`.
 
     Args:
         step: [s].
@@ -112,7 +112,7 @@ def predictor_corrector(step: float, corrections: int = 2) -> FixedStep:
 
 
 def gauss(stages: int, step: float) -> FixedStep:
-    """Return the Gauss method, order 2 stages: symplectic in canonical coordinates, see `ocp.symplectic`.
+    """Return the Gauss method, order 2 stages, symplectic in canonical coordinates (`ocp.integrators.symplectic`).
 
     Args:
         stages: 1 (the implicit midpoint rule) to 12.

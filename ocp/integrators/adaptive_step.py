@@ -11,7 +11,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.integrators.contracts import Passage, Rule, check_components, check_tolerances, stopped
-from ocp.integrators.control_pieces import Piece, Polynomial
+from ocp.integrators.control_segments import Polynomial, Segment
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED
@@ -45,35 +45,35 @@ class AdaptiveStep:
         if self.rule.error_order == 0:
             raise ValueError(f"AdaptiveStep: {self.rule!r} has no error estimate; use FixedStep")
 
-    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
-        """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
+    def march(self, system: System, parameters: Sequence[float], x0: Array, segments: Sequence[Segment]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all segments; see `ocp.integrators.contracts.Method`."""
         check_components(self.atol, len(x0))
         attempt = _Attempt(self, system, parameters)
-        xs = np.full((sum(len(piece.stops) - 1 for piece in pieces), len(x0)), np.nan)
+        xs = np.full((sum(len(segment.stops) - 1 for segment in segments), len(x0)), np.nan)
         x, row = x0, 0
-        step = self._first(system, parameters, x0, pieces[0]) if pieces else 0.0
-        for piece in pieces:
-            attempt.follow(piece)
-            t = float(piece.stops[0])
-            for stop in piece.stops[1:].tolist():
+        step = self._first(system, parameters, x0, segments[0]) if segments else 0.0
+        for segment in segments:
+            attempt.follow(segment)
+            t = float(segment.stops[0])
+            for stop in segment.stops[1:].tolist():
                 x, t, step = attempt.through(x, t, stop, step)
                 if t < stop:
                     reason = "the step vanished or f is not finite"
                     if attempt.exhausted:
-                        mode = describe(Linearisation(system, parameters).fastest(x, piece.control(t)))
+                        mode = describe(Linearisation(system, parameters).fastest(x, segment.control(t)))
                         reason = f"{MOST_STEPS} steps were not enough to reach {stop:.9g} s{mode}"
                     return Passage(xs, stopped(t, reason), attempt.evaluations)
                 xs[row] = x
                 row += 1
         return Passage(xs, "", attempt.evaluations)
 
-    def _first(self, system: System, parameters: Sequence[float], x0: Array, piece: Piece) -> float:
+    def _first(self, system: System, parameters: Sequence[float], x0: Array, segment: Segment) -> float:
         """Return a first step in which x changes by a hundredth of its size [s]."""
-        slope = np.array(rates(system)(x0, piece.control(piece.stops[0]), parameters)).ravel()
+        slope = np.array(rates(system)(x0, segment.control(segment.stops[0]), parameters)).ravel()
         size = np.asarray(self.atol) + self.rtol * np.abs(x0)
         way, speed = np.max(np.abs(x0) / size), np.max(np.abs(slope) / size)
-        guess = 1e-2 * way / speed if way > 1e-5 and speed > 1e-5 else 1e-4 * (piece.stops[-1] - piece.stops[0])
-        return float(min(guess, piece.stops[-1] - piece.stops[0]))
+        guess = 1e-2 * way / speed if way > 1e-5 and speed > 1e-5 else 1e-4 * (segment.stops[-1] - segment.stops[0])
+        return float(min(guess, segment.stops[-1] - segment.stops[0]))
 
 
 class _Attempt:
@@ -89,11 +89,11 @@ class _Attempt:
         self.evaluations = 0
         self.exhausted = False  # whether the steps between two stops ran out
 
-    def follow(self, piece: Piece) -> None:
-        """Use the control of another piece from now on."""
-        self._control = piece.control
-        self._varies = not (isinstance(piece.control, Polynomial) and len(piece.control.values) == 1)
-        self._u[:] = np.tile(piece.control(piece.stops[0]), len(self._rule.places))
+    def follow(self, segment: Segment) -> None:
+        """Use the control of another segment from now on."""
+        self._control = segment.control
+        self._varies = not (isinstance(segment.control, Polynomial) and len(segment.control.values) == 1)
+        self._u[:] = np.tile(segment.control(segment.stops[0]), len(self._rule.places))
 
     @np.errstate(over="ignore", invalid="ignore")  # a step that is not finite is rejected
     def through(self, x: Array, t: float, stop: float, step: float) -> tuple[Array, float, float]:
@@ -117,7 +117,7 @@ class _Attempt:
             proposal = h * (min(max(factor, SHRINK), grow) if finite else SHRINK)
             if good:
                 x, t = new.copy(), (stop if h == stop - t else t + h)
-                proposal = max(proposal, step) if h < step else proposal  # a last short piece says nothing
+                proposal = max(proposal, step) if h < step else proposal  # a last short segment says nothing
             grow = GROW if good else 1.0
             step = proposal
             if step < 1e-14 * max(abs(t), abs(stop)):

@@ -1,4 +1,4 @@
-"""What an integrator is: settings that take a state through the pieces of a motion."""
+"""What an integrator is: settings that take a state through the segments of a motion."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
-from ocp.integrators.control_pieces import Piece
+from ocp.integrators.control_segments import Segment
 from ocp.system import System
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """The states of an integration at all stops of all pieces, the first of each piece left out."""
+    """The states of an integration at all stops of all segments, the first of each segment left out."""
 
     x: Array  # (S, nx), NaN from where the integration could not go on
     message: str  # empty, or why it stopped
@@ -27,14 +27,14 @@ class Passage:
 class Method(Protocol):
     """An integrator: a frozen dataclass of settings. A new one is a new class with this method."""
 
-    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
-        """Integrate x' = f(x, u(t), p) from x0 through all pieces.
+    def march(self, system: System, parameters: Sequence[float], x0: Array, segments: Sequence[Segment]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all segments.
 
         Args:
             system: x' = f(x, u, p).
             parameters: values of p.
             x0: (nx,) state at the first stop.
-            pieces: that follow each other without a gap.
+            segments: that follow each other without a gap.
         """
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.integrators.contracts import Passage, check_components, check_tolerances, stopped
-from ocp.integrators.control_pieces import ControlOf, Piece, Polynomial
+from ocp.integrators.control_segments import ControlOf, Polynomial, Segment
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.system import System, rates
 
@@ -53,23 +53,23 @@ class Cvodes:
         if not isinstance(self.family, Multistep):
             raise TypeError(f"family: got {self.family!r}, expected {', '.join(map(str, Multistep))}")
 
-    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
-        """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
+    def march(self, system: System, parameters: Sequence[float], x0: Array, segments: Sequence[Segment]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all segments; see `ocp.integrators.contracts.Method`."""
         check_components(self.atol, len(x0))
-        xs = np.full((sum(len(piece.stops) - 1 for piece in pieces), len(x0)), np.nan)
+        xs = np.full((sum(len(segment.stops) - 1 for segment in segments), len(x0)), np.nan)
         made: dict[tuple[object, ...], ca.Function] = {}
         x, row, evaluations = x0, 0, 0
-        for piece in pieces:
-            for stops in (piece.stops, *(() if len(piece.stops) == 2 else _pairs(piece.stops))):
-                whole = stops is piece.stops
-                result, calls, flag = self._over(made, system, parameters, x, stops, piece)
+        for segment in segments:
+            for stops in (segment.stops, *(() if len(segment.stops) == 2 else _pairs(segment.stops))):
+                whole = stops is segment.stops
+                result, calls, flag = self._over(made, system, parameters, x, stops, segment)
                 evaluations += calls
                 if result is None and whole and len(stops) > 2:
                     continue  # once more from stop to stop, to keep what can be reached
                 if result is None:
                     reason = f"CVODES did not reach {stops[-1]:.9g} s from there"
                     if "TOO_MUCH_WORK" in flag:
-                        mode = describe(Linearisation(system, parameters).fastest(x, piece.control(stops[0])))
+                        mode = describe(Linearisation(system, parameters).fastest(x, segment.control(stops[0])))
                         reason += f": {MOST_STEPS} steps were not enough{mode}"
                     return Passage(xs, stopped(float(stops[0]), reason), evaluations)
                 xs[row : row + len(result)] = result
@@ -80,19 +80,19 @@ class Cvodes:
 
     def _over(
         self, made: dict[tuple[object, ...], ca.Function], system: System, parameters: Sequence[float], x: Array,
-        stops: Array, piece: Piece,
+        stops: Array, segment: Segment,
     ) -> tuple[Array | None, int, str]:  # fmt: skip
         """Return the states at the stops but the first (None for a failure), evaluations, and what CVODES said."""
         start, width = float(stops[0]), float(stops[-1] - stops[0])
         shares = tuple(((stops[1:] - start) / width).tolist())
-        if isinstance(piece.control, Polynomial):
-            shape: Polynomial | _Called = piece.control
-            key: tuple[object, ...] = (shares, len(piece.control.values))
-            values = piece.control.values
-            place = [(start - piece.control.start) / piece.control.width, width / piece.control.width]
+        if isinstance(segment.control, Polynomial):
+            shape: Polynomial | _Called = segment.control
+            key: tuple[object, ...] = (shares, len(segment.control.values))
+            values = segment.control.values
+            place = [(start - segment.control.start) / segment.control.width, width / segment.control.width]
         else:
-            shape = _Called("control", piece.control, system.u.numel())
-            key, values, place = (shares, id(piece.control)), np.zeros((0, system.u.numel())), [start, width]
+            shape = _Called("control", segment.control, system.u.numel())
+            key, values, place = (shares, id(segment.control)), np.zeros((0, system.u.numel())), [start, width]
         if key not in made:
             made[key] = self._integrator(system, shape, shares)
         integrator = made[key]

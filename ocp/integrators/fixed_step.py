@@ -11,7 +11,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.integrators.contracts import Passage, Rule, check_step, stopped
-from ocp.integrators.control_pieces import Piece
+from ocp.integrators.control_segments import Segment
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED
@@ -42,9 +42,9 @@ class FixedStep:
     def __post_init__(self) -> None:
         check_step(self.step)
 
-    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
-        """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
-        schedule = _Schedule.of(pieces, self.step)
+    def march(self, system: System, parameters: Sequence[float], x0: Array, segments: Sequence[Segment]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all segments; see `ocp.integrators.contracts.Method`."""
+        schedule = _Schedule.of(segments, self.step)
         n = next((size for size in BATCHES if size >= schedule.total), BATCHES[-1])
         run = Evaluation(batch(self.rule, system, n))
         xs = np.full((len(schedule.ends), len(x0)), np.nan)
@@ -70,7 +70,7 @@ class FixedStep:
                 reason = "the iteration for an implicit step did not converge; take a smaller step"
                 if not diverged:
                     # Where x is a number but the next one is not, the start says more about the modes than x.
-                    mode = Linearisation(system, parameters).fastest(x0, pieces[0].control(pieces[0].stops[0]))
+                    mode = Linearisation(system, parameters).fastest(x0, segments[0].control(segments[0].stops[0]))
                     fast = abs(mode) * schedule.width > LONG
                     reason = f"f is not finite{describe(mode) if fast else ''}"
                 return Passage(xs, stopped(schedule.start(k), reason), evaluations)
@@ -82,24 +82,24 @@ class FixedStep:
 class _Schedule:
     """All steps of a motion, of which only those between stops take memory."""
 
-    pieces: Sequence[Piece]
+    segments: Sequence[Segment]
     gaps: Array  # (S,) between stops [s]
     since: Array  # (S,) where they begin [s]
     counts: Array  # (S,) of the steps in them
     ends: Array  # (S,) the step that ends at each stop
-    begins: Array  # (pieces,) the first step of each piece
+    begins: Array  # (segments,) the first step of each segment
 
     @classmethod
-    def of(cls, pieces: Sequence[Piece], step: float) -> _Schedule:
+    def of(cls, segments: Sequence[Segment], step: float) -> _Schedule:
         """Divide every interval between stops into equal steps."""
-        since = np.concatenate([piece.stops[:-1] for piece in pieces] or [np.zeros(0)])
-        gaps = np.concatenate([np.diff(piece.stops) for piece in pieces] or [np.zeros(0)])
+        since = np.concatenate([segment.stops[:-1] for segment in segments] or [np.zeros(0)])
+        gaps = np.concatenate([np.diff(segment.stops) for segment in segments] or [np.zeros(0)])
         # A quotient that exceeds a whole number by rounding only does not cost a step more.
         counts = np.maximum(np.ceil(gaps / step * (1.0 - 1e-12) - 1e-9), 1).astype(int)
         ends = np.cumsum(counts) - 1
-        stops = np.cumsum([0, *(len(piece.stops) - 1 for piece in pieces)])[:-1]
-        begins = (ends + 1 - counts)[stops] if len(pieces) else np.zeros(0, dtype=int)
-        return cls(pieces, gaps, since, counts, ends, begins)
+        stops = np.cumsum([0, *(len(segment.stops) - 1 for segment in segments)])[:-1]
+        begins = (ends + 1 - counts)[stops] if len(segments) else np.zeros(0, dtype=int)
+        return cls(segments, gaps, since, counts, ends, begins)
 
     @property
     def total(self) -> int:
@@ -134,7 +134,7 @@ class _Schedule:
             until = min(last, self.begins[k + 1] if k + 1 < len(self.begins) else last)
             part = slice(at - first, until - first)
             times = starts[part, None] + given[part, None] * places
-            u[part] = self.pieces[k].control.sample(times.ravel()).reshape(*times.shape, nu)
+            u[part] = self.segments[k].control.sample(times.ravel()).reshape(*times.shape, nu)
             at, k = until, k + 1
         return widths, u.ravel()
 

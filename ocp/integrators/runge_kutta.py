@@ -19,7 +19,7 @@ class RungeKutta:
     """The Runge-Kutta method of a tableau; the equations of an implicit one are solved by Newton's iteration.
 
     Args:
-        tableau: such as `ocp.tableau.KUTTA` or `ocp.tableau.gauss(2)`.
+        tableau: such as `ocp.integrators.tableaux.KUTTA` or `ocp.integrators.tableaux.gauss(2)`.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.1, and II, IV.8 (increments as
         unknowns).
@@ -43,7 +43,7 @@ class RungeKutta:
         return self.tableau.error_order
 
     def step(self, system: System) -> ca.Function:
-        """Return the function of one step; see `ocp.rule.Rule`."""
+        """Return the function of one step; see `ocp.integrators.contracts.Rule`."""
         if self.tableau.explicit:
             return _explicit_step(system, self.tableau)
         stages = _implicit_step(system, self.tableau)
@@ -79,7 +79,7 @@ class RadauWithEstimate:
         return np.concatenate([[0.0], radau_iia(3).c])
 
     def step(self, system: System) -> ca.Function:
-        """Return the function of one step; see `ocp.rule.Rule`."""
+        """Return the function of one step; see `ocp.integrators.contracts.Rule`."""
         tableau = radau_iia(3)
         x, h, u, p = symbols(system, 4)
         f = rates(system)

@@ -11,8 +11,8 @@ import numpy as np
 from ocp import checks
 from ocp.checks import Array
 from ocp.integrators.contracts import Method, Passage, check_components, check_tolerances, stopped
-from ocp.integrators.control_pieces import Controls, Piece, at_start, pieces
-from ocp.integrators.extrapolation import Extrapolation
+from ocp.integrators.control_segments import Controls, Segment, at_start, segments
+from ocp.integrators.gragg_bulirsch_stoer import Extrapolation
 from ocp.problem.singularities import between, meeting
 from ocp.solution.solution import OUTSIDE, Solution
 from ocp.system import System, rates
@@ -26,7 +26,7 @@ class Trajectory:
 
     t: Array  # (K,) [s]
     x: Array  # (K, nx); NaN from where the integration could not go on
-    u: Array  # (K, nu) control, from the left at the ends of pieces
+    u: Array  # (K, nu) control, from the left at the ends of segments
     message: str  # empty, or why the integration stopped
     system: System
     values: Mapping[str, float]
@@ -112,15 +112,15 @@ def simulate(
         xs[:], us[:] = np.nan, np.nan
         message = f"the integration did not start: {refused.words}"
         return Trajectory(reported, xs, us, message, system, named)
-    parts = tuple(pieces(control, _stops(system, reported, chosen), inner, nu))
+    parts = tuple(segments(control, _stops(system, reported, chosen), inner, nu))
     with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows beyond all numbers is told by the message
         passage = chosen.march(system, parameters, start, parts)
     row = 0
-    for piece in parts:
-        for stop in piece.stops[1:]:
+    for segment in parts:
+        for stop in segment.stops[1:]:
             place = np.searchsorted(reported, stop)
             if place < len(reported) and reported[place] == stop and not np.isnan(passage.x[row, 0]):
-                xs[place], us[place] = passage.x[row], piece.control(stop)
+                xs[place], us[place] = passage.x[row], segment.control(stop)
             row += 1
     message = passage.message
     if system.singular:
@@ -143,22 +143,22 @@ def _stops(system: System, reported: Array, method: Method) -> Array:
 
 
 def _met(
-    system: System, parameters: Sequence[float], start: Array, parts: Sequence[Piece], passage: Passage
+    system: System, parameters: Sequence[float], start: Array, parts: Sequence[Segment], passage: Passage
 ) -> tuple[float, str] | None:
     """Return when an integrated motion meets a singularity [s] and what to say of it, None if it does not.
 
     A motion that could not go on is continued in a straight line to the next stop, to see what it ran into.
     """
     x, row = start, 0
-    for piece in parts:
-        count = len(piece.stops) - 1
+    for segment in parts:
+        count = len(segment.stops) - 1
         path = np.vstack([x, passage.x[row : row + count]])
         good = np.all(np.isfinite(path), axis=1)
         reached = len(path) if good.all() else int(np.argmin(good))
-        u = piece.control.sample(piece.stops[:reached])
-        t, fine = between(system, piece.stops[:reached], path[:reached], u, parameters)
+        u = segment.control.sample(segment.stops[:reached])
+        t, fine = between(system, segment.stops[:reached], path[:reached], u, parameters)
         if reached < len(path):
-            ahead = np.linspace(0.0, piece.stops[reached] - piece.stops[reached - 1], WATCHED)[1:, None]
+            ahead = np.linspace(0.0, segment.stops[reached] - segment.stops[reached - 1], WATCHED)[1:, None]
             slope = np.array(rates(system)(path[reached - 1], u[-1], parameters)).T
             t, fine = np.append(t, t[-1] + ahead), np.vstack([fine, path[reached - 1] + ahead * slope])
         result = meeting(system, fine, parameters)

@@ -16,7 +16,7 @@ from ocp.problem.problem import Fixed, Problem
 from ocp.sensitivities.kkt_root import Bounds, Optimum
 from ocp.sensitivities.kkt_system import evaluate
 from ocp.solution.solution import Solution
-from ocp.solving.starts import from_solution
+from ocp.solving.guess_conversion import from_solution
 from ocp.solving.warm_start import multipliers
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import uniform

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence as Several
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.boundary_states import ends
-from ocp.problem.constraints import Where
+from ocp.problem.constraints import Where, start
 from ocp.problem.problem import Fixed, Free, Problem, parameters
+from ocp.problem.sequence import Sequence
 from ocp.system import slopes
 from ocp.transcription.guess import Guess
 
@@ -238,3 +240,25 @@ def _least_squares(matrices: Array, right: Array) -> Array:
     size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
     size = np.where(size > 0.0, size, 1.0)
     return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)
+
+
+def phase_guesses(
+    problem: Problem | Sequence, values: list[list[float]], make: Callable[[Problem, Several[float]], Guess]
+) -> list[Guess]:
+    """Return one guess for each phase, each beginning where the one before it ends.
+
+    Args:
+        problem: a Problem, or a Sequence whose links say what is continuous.
+        values: of the parameters of each phase.
+        make: straight_line or smooth.
+    """
+    if isinstance(problem, Problem):
+        return [make(problem, values[0])]
+    guesses = [make(problem.problems[0], values[0])]
+    for k, phase in enumerate(problem.problems[1:]):
+        before, after = problem.sides[k]
+        old = problem.problems[k].system
+        reached = ca.Function("reached", [old.x, old.p], [ca.densify(before)])(guesses[-1].x[-1], values[k])
+        there = replace(phase, subject_to=(*phase.subject_to, start(after, np.array(reached).ravel())))
+        guesses.append(make(there, values[k + 1]))
+    return guesses

@@ -14,9 +14,9 @@ from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, parameter_values, phases_of
 from ocp.solution.solution import Status
-from ocp.solving.first_guesses import smooth, straight_line
-from ocp.solving.ipopt import Ipopt
-from ocp.solving.starts import Outcome, as_guesses, chain
+from ocp.solving.first_guesses import phase_guesses, smooth, straight_line
+from ocp.solving.guess_conversion import AnySolution, as_guesses
+from ocp.solving.nlp_solver import NlpSettings, limited
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
 
@@ -39,7 +39,7 @@ class Solvable(Protocol):
         ...
 
     @property
-    def settings(self) -> Ipopt:
+    def settings(self) -> NlpSettings:
         """Settings of the solver."""
         ...
 
@@ -50,15 +50,15 @@ class Solvable(Protocol):
 
     def attempt(
         self, guesses: list[Guess], values: list[list[float]], warm: bool = ..., rung: str = ..., spent: float = ...
-    ) -> Outcome:
+    ) -> AnySolution:
         """Solve once from one guess for each phase."""
         ...
 
-    def on(self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Values) -> Solvable:
+    def on(self, problem: Problem | Sequence, grid: Grid, settings: NlpSettings, values: Values) -> Solvable:
         """Return another problem prepared on another grid, with the same scheme."""
         ...
 
-    def __call__(self, guess: Any = ..., values: Values = ..., problem: Problem | Sequence | None = ...) -> Outcome:
+    def __call__(self, guess: Any = ..., values: Values = ..., problem: Problem | Sequence | None = ...) -> AnySolution:
         """Solve from a guess or a ladder of rungs."""
         ...
 
@@ -80,7 +80,7 @@ class Smooth:
         numbers = parameter_values(prepared.problem, values)
         if prepared.first is not None and prepared.first[0] is prepared.problem and prepared.first[1] == numbers:
             return prepared.first[2], False
-        return chain(prepared.problem, numbers, smooth), False
+        return phase_guesses(prepared.problem, numbers, smooth), False
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class StraightLine:
 
     def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool]:
         """Return the guess of every phase."""
-        return chain(prepared.problem, parameter_values(prepared.problem, values), straight_line), False
+        return phase_guesses(prepared.problem, parameter_values(prepared.problem, values), straight_line), False
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class ParameterPath:
 DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), WiderLimits())
 
 
-def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcome:
+def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySolution:
     """Try rungs in order until one is solved; else return the attempt that violates its constraints least.
 
     Args:
@@ -181,7 +181,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcom
         values: of parameters, by name.
     """
     numbers = parameter_values(prepared.problem, values)
-    best: Outcome | None = None
+    best: AnySolution | None = None
     tried: list[str] = []
     begun = time.perf_counter()
     for rung in rungs:
@@ -204,7 +204,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> Outcom
         if result.status in (Status.STOPPED, Status.UNBOUNDED):
             return result
     if best is None:
-        guesses = chain(prepared.problem, numbers, straight_line)
+        guesses = phase_guesses(prepared.problem, numbers, straight_line)
         return prepared.attempt(guesses, numbers, rung="StraightLine")
     advice = _shortest(prepared, values) if isinstance(prepared.problem, Problem) else ""
     return replace(best, message=f"{best.message}{advice} (guesses tried: {', '.join(tried)})")
@@ -219,7 +219,7 @@ def _shortest(prepared: Solvable, values: Values) -> str:
     limits = np.concatenate(problem.limits(Where.ALONG, problem.system.u))
     if not np.all(np.isfinite(limits)):
         return ""  # nothing keeps the motion from being arbitrarily short
-    brief = replace(prepared.settings, max_iter=ADVICE_ITERATIONS, max_seconds=ADVICE_SECONDS)
+    brief = limited(prepared.settings, ADVICE_ITERATIONS, ADVICE_SECONDS)
     fastest = replace(problem, horizon=Free(guess=asked), minimise=Bolza(time=1.0))
     result = prepared.on(fastest, prepared.grid, brief, values)((Smooth(),), values)
     if not result.ok or result.duration <= asked:
@@ -227,7 +227,7 @@ def _shortest(prepared: Solvable, values: Values) -> str:
     return f"; the shortest motion found within these limits takes {result.duration:.4g} s, {asked:.4g} s were asked"
 
 
-def _infeasibility(outcome: Outcome) -> float:
+def _infeasibility(outcome: AnySolution) -> float:
     log = outcome.phases[0].log if hasattr(outcome, "phases") else outcome.log
     column = log.get("inf_pr", [])
     return float(column[-1]) if len(column) else np.inf

@@ -1,4 +1,4 @@
-"""IPOPT: its settings, its progress and its words. The only file that calls nlpsol."""
+"""IPOPT as an NLP solver: settings, progress on the terminal, status. The only file that calls nlpsol."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ import numpy as np
 from ocp import checks
 from ocp.checks import Array
 from ocp.solution.solution import Status
+from ocp.solving.nlp_solver import NlpResult, Start
+from ocp.transcription.scaled_nlp import Bounds, ScaledNlp
 
 STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -74,12 +76,18 @@ class Ipopt:
         checks.mapping("Ipopt: extra", self.extra, "a dict option -> value")
         for name, value in self.extra.items():
             if not isinstance(name, str) or not isinstance(value, str | int | float | np.number):
-                told = f"{checks.shown(name)}: {checks.shown(value)}"
-                raise ValueError(f"Ipopt: extra has {told}, expected the name of an option and a number or a text")
+                given = f"{checks.shown(name)}: {checks.shown(value)}"
+                raise ValueError(f"Ipopt: extra has {given}, expected the name of an option and a number or a text")
 
-    def options(self, warm: bool) -> dict[str, Any]:
-        """Return the options for nlpsol; CasADi's own and IPOPT's are kept apart."""
+    def options(self, warm: bool, multipliers: bool = False) -> dict[str, Any]:
+        """Return the options for nlpsol; those of IPOPT are in an entry of their own.
+
+        Args:
+            warm: whether the initial guess is near a solution and may touch its bounds.
+            multipliers: whether those of a neighbouring solution are given as well.
+        """
         checks.truth("warm", warm)
+        checks.truth("multipliers", multipliers)
         ipopt: dict[str, Any] = {
             "tol": self.tol,
             "max_iter": int(self.max_iter),
@@ -94,137 +102,92 @@ class Ipopt:
             "diverging_iterates_tol": 1e10,
         }
         if warm:
-            # A good guess must not be pushed away from the limits it lies on.
+            # A good guess must not be pushed away from the bounds it lies on.
             ipopt |= {"mu_init": 1e-3, "bound_push": 1e-4, "bound_frac": 1e-4}
-        ipopt |= self.extra
+        ipopt |= {**(CONTINUED if multipliers else {}), **self.extra}
         quiet = dict.fromkeys(("print_time", "error_on_fail", "calc_lam_p", "calc_lam_x", "calc_f", "calc_g"), False)
         return {"ipopt": ipopt, **quiet, "record_time": True, "no_nlp_grad": True}
 
+    def make(self, nlp: ScaledNlp, start: Start) -> IpoptSolver:
+        """Return IPOPT for an NLP; see `NlpSettings`.
+
+        Raises:
+            ValueError: IPOPT does not know an option in `extra`.
+        """
+        options = self.options(start is not Start.COLD, start is Start.MULTIPLIERS) | dict(nlp.derivatives)
+        shown = self.progress if self.progress is not None else sys.stderr.isatty()
+        watch = Watch(nlp, shown)
+        options["iteration_callback"] = watch
+        try:
+            return IpoptSolver(ca.nlpsol("solver", "ipopt", dict(nlp.expressions), options), watch)
+        except RuntimeError as error:
+            given = checks.shown(dict(self.extra))
+            why = SOURCE.sub("", str(error).strip().splitlines()[-1])
+            raise ValueError(f"Ipopt: extra is {given}, expected options of IPOPT ({checks.shown(why)})") from None
+
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What IPOPT returned."""
-
-    z: Array  # (nz,)
-    multipliers: Array  # (ng,) of the rows
-    limits: Array  # (nz,) multipliers of the bounds of the unknowns, > 0 at upper ones
-    cost: float
-    status: Status
-    verbatim: str
-    iterations: int
-    derivatives: float  # seconds in CasADi functions
-    seconds: float  # wall clock of the whole call
-    log: Mapping[str, Sequence[float]]
-
-
-@dataclass(frozen=True, eq=False)
-class Solver:
-    """The solver function of an NLP, and what watches it (CasADi keeps no reference of its own)."""
+class IpoptSolver:
+    """IPOPT made for one NLP, with the callback that watches it (CasADi keeps no reference of its own)."""
 
     function: ca.Function
     watch: Watch
-    cost: float = 1.0  # what the cost is divided by
-    rows: Array = field(default_factory=lambda: np.ones(1))  # (ng,) what the rows are divided by
 
-
-def build(
-    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], settings: Ipopt, warm: bool,
-    sizes: tuple[float, Array],
-) -> Solver:  # fmt: skip
-    """Return the solver of an NLP, which sees cost and rows divided by their sizes.
-
-    Raises:
-        ValueError: IPOPT does not know an option in `extra`.
-    """
-    cost, rows = sizes
-    nlp, derivatives = _divided(nlp, derivatives, cost, rows)
-    options = settings.options(warm) | dict(derivatives)
-    shown = settings.progress if settings.progress is not None else sys.stderr.isatty()
-    watch = Watch(nlp["x"].numel(), nlp["g"].numel(), nlp["p"].numel(), shown)
-    options["iteration_callback"] = watch
-    try:
-        return Solver(ca.nlpsol("solver", "ipopt", dict(nlp), options), watch, cost, rows)
-    except RuntimeError as error:
-        told = checks.shown(dict(settings.extra))
-        why = SOURCE.sub("", str(error).strip().splitlines()[-1])
-        raise ValueError(f"Ipopt: extra is {told}, expected options of IPOPT ({checks.shown(why)})") from None
-
-
-def _divided(
-    nlp: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], cost: float, rows: Array
-) -> tuple[Mapping[str, ca.MX], Mapping[str, ca.Function]]:
-    """Return an NLP and its derivatives with the cost and the rows divided by their sizes."""
-    if cost == 1.0 and np.all(rows == 1.0):
-        return nlp, derivatives
-    z, s, by = nlp["x"], nlp["p"], ca.DM(1.0 / rows)
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(rows))
-    f, slope = derivatives["grad_f"](z, s)
-    g, jacobian = derivatives["jac_g"](z, s)
-    own = np.array(jacobian.sparsity().row(), dtype=int)
-    jacobian = ca.sparsity_cast(ca.vec(jacobian.nz[:]) * ca.DM(1.0 / rows[own]), jacobian.sparsity())
-    hessian = derivatives["hess_lag"](z, s, lam_f / cost, lam_g * by)
-    divided = {
-        "grad_f": ca.Function("nlp_grad_f", [z, s], [f / cost, slope / cost], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("nlp_jac_g", [z, s], [g * by, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-        "hess_lag": ca.Function(
-            "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
-        ),
-    }
-    return {**nlp, "f": nlp["f"] / cost, "g": nlp["g"] * by}, divided
-
-
-def run(
-    solver: Solver, z0: Array, p: Array, bounds: tuple[Array, Array, Array, Array],
-    duals: tuple[Array, Array] | None = None,
-) -> Answer:  # fmt: skip
-    """Solve, from multipliers of the bounds and the rows as well if given; nothing that happens inside raises.
-
-    The NLP sees cost and rows divided by their sizes; limits of rows, multipliers and cost are physical ones.
-    """
-    begun = time.perf_counter()
-    size, rows = solver.cost, solver.rows
-    low, high, rows_low, rows_high = bounds[0], bounds[1], bounds[2] / rows, bounds[3] / rows
-    first = {} if duals is None else {"lam_x0": duals[0] / size, "lam_g0": duals[1] * rows / size}
-    try:
-        solver.watch.reset(rows_low, rows_high, size)
-        with interruptible(solver.watch):
-            result = solver.function(x0=z0, p=p, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
-        solver.watch.clear()
-        stats = solver.function.stats()
-        z, multipliers, limits = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
-        multipliers, limits = size * multipliers / rows, size * limits
-        cost, verbatim = size * float(result["f"]), str(stats["return_status"])
-        iterations = max(int(stats.get("iter_count", 0)), solver.watch.count - 1)
-    except (RuntimeError, KeyboardInterrupt) as error:
-        stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
-        stats, z, cost, iterations = {}, z0, np.nan, 0
-        multipliers, limits = np.zeros(len(rows_low)), np.zeros(len(z0))
-        verbatim = "User_Requested_Stop" if stopped else f"error: {str(error).splitlines()[-1]}"
-    if verbatim == "Invalid_Option":
-        raise ValueError("Ipopt: an option in extra has a value that IPOPT does not take; its log names it")
-    seconds = time.perf_counter() - begun
-    derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
-    log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
-    log |= {"obj": [size * value for value in log["obj"]]} if "obj" in log else {}
-    status = STATUS.get(verbatim, Status.FAILED)
-    return Answer(z, multipliers, limits, cost, status, verbatim, iterations, derivatives, seconds, log)
+    def __call__(
+        self, z0: Array, s: Array, bounds: Bounds, multipliers: tuple[Array, Array] | None = None
+    ) -> NlpResult:
+        """Solve; see `NlpSolver`."""
+        begun = time.perf_counter()
+        low, high, rows_low, rows_high = bounds
+        first = {} if multipliers is None else {"lam_x0": multipliers[0], "lam_g0": multipliers[1]}
+        try:
+            self.watch.reset(rows_low, rows_high)
+            with interruptible(self.watch):
+                result = self.function(x0=z0, p=s, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
+            self.watch.clear()
+            stats = self.function.stats()
+            z, of_rows, of_bounds = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
+            cost, verbatim = float(result["f"]), str(stats["return_status"])
+        except (RuntimeError, KeyboardInterrupt) as error:
+            stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
+            stats, z, cost = {}, z0, np.nan
+            of_rows, of_bounds = np.zeros(len(rows_low)), np.zeros(len(z0))
+            verbatim = "User_Requested_Stop" if stopped else f"error: {str(error).splitlines()[-1]}"
+        if verbatim == "Invalid_Option":
+            raise ValueError("Ipopt: an option in extra has a value that IPOPT does not take; its log names it")
+        seconds = time.perf_counter() - begun
+        derivatives = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
+        log = {key: list(column) for key, column in stats.get("iterations", {}).items()}
+        # IPOPT's own count is not set when it stops before the first iteration; the log has a line for iteration 0.
+        iterations = max(len(log.get("inf_pr", [])), self.watch.count, 1) - 1
+        status = STATUS.get(verbatim, Status.FAILED)
+        return NlpResult(z, of_rows, of_bounds, cost, status, verbatim, iterations, derivatives, seconds, log)
 
 
 class Watch(ca.Callback):  # type: ignore[misc]
-    """Called at every iteration: stops on request, and shows progress once a solve has lasted a while."""
+    """Called by IPOPT at every iteration: stops on request, and shows progress once a solve has lasted a while.
 
-    def __init__(self, nz: int, ng: int, np_: int, shown: bool) -> None:
+    Args:
+        nlp: that is solved.
+        shown: whether to show progress; without it IPOPT passes no arrays to Python.
+    """
+
+    def __init__(self, nlp: ScaledNlp, shown: bool) -> None:
         ca.Callback.__init__(self)
-        self._sizes = {"x": nz, "f": 1, "g": ng, "lam_x": nz, "lam_g": ng, "lam_p": np_}
-        self._shown = shown
+        self._shapes = {"f": 1, "g": len(nlp.rows)} if shown else {}
+        self._shown, self._cost = shown, nlp.cost
         self.reset()
         self.construct("watch", {})
 
-    def reset(self, low: Array | None = None, high: Array | None = None, size: float = 1.0) -> None:
-        """Begin anew, with the limits of the rows and the size of the cost: no request to stop, no iterations."""
-        self._low, self._high, self._size = low, high, size
+    def reset(self, low: Array | None = None, high: Array | None = None) -> None:
+        """Forget the last solve: no request to stop, no iterations.
+
+        Args:
+            low, high: (ng,) bounds of the rows, for the infeasibility in the line of progress.
+        """
+        self._low, self._high = low, high
         self.stop = False
-        self.count, self._told = 0, False
+        self.count, self._printed = 0, False
         self._begun = self._last = time.perf_counter()
 
     def interrupt(self, *_: object) -> None:
@@ -242,29 +205,30 @@ class Watch(ca.Callback):  # type: ignore[misc]
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """Return the shape of input i."""
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+        """Return the shape of input i; IPOPT does not pass empty ones."""
+        rows = self._shapes.get(ca.nlpsol_out(i), 0)
+        return ca.Sparsity.dense(rows, 1 if rows else 0)
 
     def eval(self, arg: Sequence[ca.DM]) -> list[int]:
         """Return 1 to stop, 0 to go on; show a line at most twice a second."""
         now = time.perf_counter()
         self.count += 1
         if self._shown and now - self._begun > QUIET_SECONDS and now - self._last > 0.5:
-            self._last, self._told = now, True
+            self._last, self._printed = now, True
             g = np.array(arg[2]).ravel()
             beyond = (
                 0.0
                 if self._low is None or self._high is None
                 else float(np.max([self._low - g, g - self._high], initial=0.0))
             )
-            line = f"  iteration {self.count}, cost {self._size * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
+            line = f"  iteration {self.count}, cost {self._cost * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
             line += f"{now - self._begun:.0f} s"
             print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
         return [int(self.stop)]
 
     def clear(self) -> None:
         """Wipe the line of progress, if there is one."""
-        if self._told:
+        if self._printed:
             print(f"\r{'':76s}\r", end="", file=sys.stderr, flush=True)
 
 

@@ -15,7 +15,7 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.solving.first_guesses import scattered, smooth
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.prepared import Prepared, prepare
+from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 

@@ -10,14 +10,11 @@ from typing import Any
 
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
+from ocp.solving.guess_conversion import AnySolution, GuessLike
 from ocp.solving.guess_ladder import Smooth, StraightLine
-from ocp.solving.ipopt import Ipopt
+from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prechecks import warnings_before
-from ocp.solving.prepared import prepare
-from ocp.solving.starts import (
-    Outcome,
-    Start,
-)
+from ocp.solving.prepared_nlp import prepare
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -26,10 +23,10 @@ def solve(
     problem: Problem | Sequence,
     scheme: Scheme | None = None,
     grid: Grid | None = None,
-    solver: Ipopt | None = None,
-    guess: Start | Several[Any] | None = None,
+    solver: NlpSettings | None = None,
+    guess: GuessLike | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
-) -> Outcome:
+) -> AnySolution:
     """Solve a problem by direct collocation; a solution comes back whatever happens.
 
     Args:

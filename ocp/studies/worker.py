@@ -24,7 +24,7 @@ from ocp.solution.solution import Solution
 from ocp.solution.storage import decode, encode
 from ocp.solving.guess_ladder import DEFAULT, Smooth, StraightLine
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.prepared import Prepared, prepare
+from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.studies.case_record import Record
 from ocp.studies.case_slopes import tangents
 from ocp.studies.content_hash import canonical

@@ -55,8 +55,10 @@ def transcribe(
     s = ca.MX.sym("s", np_ + fixed + n)
     p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
     sizes = [
-        np.concatenate([np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.size(*k)) for k, t in held)]),
-        np.array([scaling.size(i, c) for i, c, _ in ends_parts]),
+        np.concatenate(
+            [np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.of_constraint(*k)) for k, t in held)]
+        ),
+        np.array([scaling.of_constraint(i, c) for i, c, _ in ends_parts]),
     ]
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
     for condition in arc_layout.conditions:

@@ -24,18 +24,18 @@ class JoinedNlp:
     links: int  # number of rows that tie the phases, after those of the phases
 
     @property
-    def sizes(self) -> tuple[float, Array]:
-        """What the solver divides cost and rows by; the rows that tie the phases are divided already."""
-        return self.nlps[0].scaling.cost, np.concatenate([*(p.sizes for p in self.nlps), np.ones(self.links)])
+    def scales(self) -> tuple[float, Array]:
+        """Scales of the cost and of the rows (ng,); the rows that tie the phases are scaled already."""
+        return self.nlps[0].scaling.cost, np.concatenate([*(p.row_scales for p in self.nlps), np.ones(self.links)])
 
 
-def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, sizes: Several[Array]) -> JoinedNlp:
-    """Return the NLPs of a sequence tied by its links; one alone stays as it is.
+def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array]) -> JoinedNlp:
+    """Return the NLPs of a sequence as one NLP, with equations that make the links continuous.
 
     Args:
-        NLPs: of the phases, with the same size of the cost.
-        sequence: that they belong to; None for one alone.
-        sizes: magnitudes of what the links make continuous, of every junction.
+        nlps: of the phases, with the same scale of the cost.
+        sequence: that they belong to; None for a single phase, whose NLP stays as it is.
+        scales: of the linked expressions, for every junction.
     """
     if sequence is None:
         only = nlps[0]
@@ -50,7 +50,7 @@ def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, sizes: Several[Array]
                 _at_junction(after, sequence.sides[k][1], zs[k + 1], ss[k + 1], 0)
                 - _at_junction(before, sequence.sides[k][0], zs[k], ss[k], -1)
             )
-            / ca.DM(sizes[k])
+            / ca.DM(scales[k])
             for k, (before, after) in enumerate(pairwise(nlps))
         )
     )

@@ -22,7 +22,7 @@ from ocp.transcription.schemes.scheme import Scheme
 class Nlp:
     """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
 
-    The solver sees f divided by scaling.cost and g divided by sizes.
+    The solver sees f divided by scaling.cost and g divided by row_scales (`ocp.transcription.scaled_nlp`).
     """
 
     problem: Problem
@@ -41,7 +41,7 @@ class Nlp:
     conditions: tuple[Array, ...] = ()  # for each condition of an arc layout (elements, points, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
     compilation: Compilation | None = None  # of the functions of an element, if asked for
-    sizes: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) magnitudes of the rows of g
+    row_scales: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) scales of the rows of g
 
     @property
     def rows(self) -> int:

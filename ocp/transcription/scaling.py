@@ -36,7 +36,7 @@ class Scaling:
     cost: float = 1.0
     limits: tuple[Array, ...] = ()  # of the components of every constraint; empty for ones
 
-    def size(self, constraint: int, component: int) -> float:
+    def of_constraint(self, constraint: int, component: int) -> float:
         """Return the magnitude of a limited expression."""
         return float(self.limits[constraint][component]) if self.limits else 1.0
 
@@ -81,7 +81,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     # no size but its place.
     ranges, value = (np.max(np.abs(x), axis=0, initial=0.0) for x in (guess.x - guess.x[0], guess.x))
     travelled = np.where(ranges > STILL * value, np.maximum(ranges, OFFSET * value), value)
-    limited = magnitude(problem, system.x)
+    limited = largest_bound(problem, system.x)
     p = ca.DM(list(values))
     function = slopes_of(system)
     # Rates at a handful of guessed states with every control at its lower and upper limit.
@@ -100,7 +100,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     used = _control_size(guessed, needed, slopes)
     used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
     most = np.maximum(guessed, _control_size(0.0 * guessed, largest_of_unit(travelled, units) / guess.duration, slopes))
-    u = magnitude(problem, system.u)
+    u = largest_bound(problem, system.u)
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
     u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
     corners = np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u
@@ -124,7 +124,9 @@ def common(scalings: Sequence[Scaling]) -> list[Scaling]:
     return [replace(scaling, cost=cost) for scaling in scalings]
 
 
-def sizes(expression: ca.SX, problem: Problem, guess: Guess, values: Sequence[float], scaling: Scaling) -> Array:
+def expression_scales(
+    expression: ca.SX, problem: Problem, guess: Guess, values: Sequence[float], scaling: Scaling
+) -> Array:
     """Return the magnitudes (m,) of an expression by those of the states and controls that it depends on."""
     return _power_of_two(_reach(expression, problem, guess, ca.DM(list(values)), (scaling.x, scaling.u)))
 
@@ -196,7 +198,7 @@ def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
     return np.where(degenerate, np.where(np.isfinite(least), least, 0.0), guessed)
 
 
-def magnitude(problem: Problem, symbols: ca.SX) -> Array:
+def largest_bound(problem: Problem, symbols: ca.SX) -> Array:
     """Return the largest finite limit along the motion of each symbol; inf where there is none."""
     sides = np.abs(np.stack(problem.limits(Where.ALONG, symbols)))
     sides[~np.isfinite(sides)] = 0.0

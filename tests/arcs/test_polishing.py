@@ -30,7 +30,7 @@ from ocp.arcs.arc_problems import arc_problem
 from ocp.arcs.arcs import durations
 from ocp.arcs.polishing import SETTINGS
 from ocp.solution.structure import Arc, Contact, Kind
-from ocp.solving.starts import from_solution
+from ocp.solving.guess_conversion import from_solution
 
 SIX = legendre(6, Control.COLLOCATED)
 OTHER = {"legendre8": legendre(8, Control.COLLOCATED), "radau7": radau(7, Control.COLLOCATED)}

@@ -44,7 +44,7 @@ from ocp.arcs.arcs import durations, key_of
 from ocp.arcs.polishing import SETTINGS
 from ocp.problem.constraints import Where, simple
 from ocp.solution.structure import Arc, Kind
-from ocp.solving.starts import from_solution
+from ocp.solving.guess_conversion import from_solution
 
 EXACT = replace(SETTINGS, tol=1e-12)
 MACHINES = {"spherical": lambda: spherical(m_3=Parameter(15.0)), "torus": torus}

@@ -13,10 +13,10 @@ from ocp import Bolza, Control, Fixed, Problem, System, end, integrators, legend
 from ocp.integrators.adaptive_step import AdaptiveStep
 from ocp.integrators.cvodes import Cvodes
 from ocp.integrators.fixed_step import FixedStep
-from ocp.integrators.predictor_corrector import PredictorCorrector
 from ocp.integrators.runge_kutta import RungeKutta
-from ocp.integrators.stoermer_verlet import asymmetry, canonical_matrix
+from ocp.integrators.symplectic import asymmetry, canonical_matrix
 from ocp.integrators.tableaux import DORMAND_PRINCE_5, DORMAND_PRINCE_8, KUTTA, Tableau, gauss, radau_iia
+from ocp.integrators.trapezoid import PredictorCorrector
 
 none = ca.SX(0, 1)
 # name -> (method of a step, order, numbers of steps over the interval)

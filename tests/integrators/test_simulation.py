@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ocp import Bolza, Control, Fixed, Problem, System, end, legendre, lobatto, radau, simulate, solve, start, uniform
-from ocp.integrators.extrapolation import integrate
+from ocp.integrators.gragg_bulirsch_stoer import integrate
 
 none = ca.SX(0, 1)
 

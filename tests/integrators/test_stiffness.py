@@ -8,9 +8,9 @@ from models import Motion, cylindrical, spherical
 from models.effects import Coulomb, ElasticDrive, Gravity, LaggedDrive
 from models.forms import lagrange
 from ocp import Control, System, integrators, radau, simulate
-from ocp.integrators.control_pieces import Piece, Polynomial
-from ocp.integrators.extrapolation import integrate
+from ocp.integrators.control_segments import Polynomial, Segment
 from ocp.integrators.fixed_step import _Schedule
+from ocp.integrators.gragg_bulirsch_stoer import integrate
 from ocp.integrators.stiffness import Linearisation, decays, describe
 
 none = ca.SX(0, 1)
@@ -52,9 +52,9 @@ def test_the_default_follows_a_fast_swing_past_the_rounding_of_f():
 
 
 def test_integrators_that_run_out_name_the_mode(monkeypatch):
-    monkeypatch.setattr("ocp.step_control.MOST_STEPS", 100)
-    monkeypatch.setattr("ocp.sundials.MOST_STEPS", 100)
-    monkeypatch.setattr("ocp.extrapolation.MOST_STEPS", 100)
+    monkeypatch.setattr("ocp.integrators.adaptive_step.MOST_STEPS", 100)
+    monkeypatch.setattr("ocp.integrators.cvodes.MOST_STEPS", 100)
+    monkeypatch.setattr("ocp.integrators.gragg_bulirsch_stoer.MOST_STEPS", 100)
     x = ca.SX.sym("x", 2)
     swing = System(x, none, none, ca.vertcat(x[1], -1e10 * x[0]))
     for method in (None, integrators.dormand_prince_8(), integrators.bdf()):
@@ -85,8 +85,8 @@ def test_overflow_in_a_step_is_no_warning():
 
 
 def test_a_schedule_takes_no_memory_for_its_steps():
-    piece = Piece(np.array([0.0, 1e6, 3e6]), Polynomial(0.0, 3e6, np.zeros(1), np.ones((1, 2)), np.ones_like))
-    schedule = _Schedule.of([piece], 1e-3)
+    segment = Segment(np.array([0.0, 1e6, 3e6]), Polynomial(0.0, 3e6, np.zeros(1), np.ones((1, 2)), np.ones_like))
+    schedule = _Schedule.of([segment], 1e-3)
     assert schedule.total == 3_000_000_000
     widths, u = schedule.steps(999_999_998, 4, np.array([0.5]), 2)
     np.testing.assert_allclose(widths, 1e-3)

@@ -212,8 +212,8 @@ def test_a_damaged_library_is_made_anew(cache, counted, tmp_path, harm):
 
 PROCESS = """
 import sys
-sys.path[:0] = ["tests"]
-from ocp.compilation import compiled
+sys.path[:0] = ["tests", "tests/numerics"]
+from ocp.numerics.compilation import compiled
 from test_compilation import check_values, some_functions
 made = compiled(some_functions())
 assert not made.note, made.note

@@ -17,7 +17,7 @@ from ocp import Fixed, Free, Held, Ipopt, Problem, System, along, end, polish, r
 from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import arc_problem
 from ocp.arcs.polishing import SETTINGS
-from ocp.solving.starts import from_solution
+from ocp.solving.guess_conversion import from_solution
 
 TIGHT = Ipopt(tol=1e-12)
 M, LIMIT, WAY = 2.0, 3.0, 0.7

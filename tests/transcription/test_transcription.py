@@ -27,7 +27,7 @@ from ocp import (
     start,
     uniform,
 )
-from ocp.solving.starts import from_solution
+from ocp.solving.guess_conversion import from_solution
 from ocp.transcription.direct_collocation import transcribe
 from ocp.transcription.nlp import bounds
 from ocp.transcription.packing import pack, unpack

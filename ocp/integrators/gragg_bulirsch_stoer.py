@@ -11,7 +11,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.integrators.adaptive_step import AdaptiveStep
 from ocp.integrators.contracts import Passage, check_components, check_tolerances, stopped
-from ocp.integrators.control_pieces import Piece, Polynomial, Sampled
+from ocp.integrators.control_segments import Polynomial, Sampled, Segment
 from ocp.integrators.runge_kutta import RadauWithEstimate
 from ocp.integrators.stiffness import Linearisation, decays, describe
 from ocp.numerics.evaluation import Evaluation
@@ -35,7 +35,7 @@ class Extrapolation:
     Raises:
         ValueError: a tolerance <= 0.
 
-    Source: `ocp.integration.integrate` (Gragg-Bulirsch-Stoer); the change of methods follows L. Petzold, Automatic
+    Source: `integrate` below (Gragg-Bulirsch-Stoer); the change of methods follows L. Petzold, Automatic
         selection of methods for solving stiff and nonstiff systems, SIAM J. Sci. Stat. Comput. 4 (1983).
     """
 
@@ -45,15 +45,15 @@ class Extrapolation:
     def __post_init__(self) -> None:
         check_tolerances(self.rtol, self.atol)
 
-    def march(self, system: System, parameters: Sequence[float], x0: Array, pieces: Sequence[Piece]) -> Passage:
-        """Integrate x' = f(x, u(t), p) from x0 through all pieces; see `ocp.method.Method`."""
+    def march(self, system: System, parameters: Sequence[float], x0: Array, segments: Sequence[Segment]) -> Passage:
+        """Integrate x' = f(x, u(t), p) from x0 through all segments; see `ocp.integrators.contracts.Method`."""
         check_components(self.atol, len(x0))
         run = _Run(self, system, parameters)
-        xs = np.full((sum(len(piece.stops) - 1 for piece in pieces), len(x0)), np.nan)
+        xs = np.full((sum(len(segment.stops) - 1 for segment in segments), len(x0)), np.nan)
         x, row = x0, 0
-        for piece in pieces:
-            run.rate.control = piece.control
-            for t, stop in pairwise(piece.stops.tolist()):
+        for segment in segments:
+            run.rate.control = segment.control
+            for t, stop in pairwise(segment.stops.tolist()):
                 result, message = run.through(t, stop, x)
                 if result is None:
                     return Passage(xs, message, run.evaluations)
@@ -103,8 +103,8 @@ class _Run:
         return self._stiff
 
     def _implicitly(self, t: float, stop: float, x: Array) -> tuple[Array | None, str]:
-        piece = Piece(np.array([t, stop]), self.rate.control)
-        passage = self._implicit.march(self._system, self._parameters, x, [piece])
+        segment = Segment(np.array([t, stop]), self.rate.control)
+        passage = self._implicit.march(self._system, self._parameters, x, [segment])
         self._more += passage.evaluations
         return (None, passage.message) if passage.message else (passage.x[0], "")
 
@@ -211,7 +211,7 @@ def integrate(
         factor = SAFETY * error ** (-1.0 / (2 * COLUMNS - 1)) if error > 0.0 else GROW
         proposal = h * float(np.clip(factor, SHRINK, GROW))
         if error <= 1.0 and h < step:
-            proposal = max(proposal, step)  # a last short piece says nothing about the step
+            proposal = max(proposal, step)  # a last short segment says nothing about the step
         step = proposal
         if step < 1e-14 * max(abs(t), t1 - t0):
             return Step(x, step, t)

@@ -9,13 +9,13 @@ import numpy as np
 
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import touched
-from ocp.solving.ipopt import Answer
+from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.nlp import Nlp
 from ocp.transcription.packing import unpack
 
 
 def solutions_of(
-    answer: Answer, nlps: Several[Nlp], values: list[list[float]], timings: Timings, rung: str
+    answer: NlpResult, nlps: Several[Nlp], values: list[list[float]], timings: Timings, rung: str
 ) -> list[Solution]:
     """Return the solution of every phase; failed where the motion steps over a singularity of its system.
 

@@ -5,11 +5,11 @@ skew matrix W, dx/dt = W^-1 grad H(t, x); with x = [q; p] and W = -[0 1; -1 0] t
 Then the energy of an autonomous system stays within O(h^r) of its value over times exponentially long in 1/h, r the
 order, as long as all steps are equal (Hairer, Lubich, Wanner, Geometric Numerical Integration, IX.8).
 
-`ocp.tableau.gauss` is symplectic for every such system, separable or not, with or without a potential, and for given
-forces u(t) along the coordinates, whose work -u'q belongs to H. It is not where the momenta belong to a frame
-w = F(q) dq/dt with F that varies: there the structure matrix depends on the state. With F constant it is, since
-Runge-Kutta methods commute with linear maps. Forces that depend on the velocity (friction, feedback) leave no
-symplectic structure to keep.
+The Gauss methods (`ocp.integrators.tableaux.gauss`) are symplectic for every such system, separable or not, with or
+without a potential, and for given forces u(t) along the coordinates, whose potential -u'q belongs to H. They are not
+symplectic where the momenta belong to a frame w = F(q) dq/dt with variable F, because the structure matrix then depends
+on the state; with constant F they are, since Runge-Kutta methods commute with linear maps. Forces that depend on the
+velocity (friction, feedback) destroy the symplectic structure.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class StoermerVerlet:
         return 0
 
     def step(self, system: System) -> ca.Function:
-        """Return the function of one step; see `ocp.rule.Rule`.
+        """Return the function of one step; see `ocp.integrators.contracts.Rule`.
 
         Raises:
             ValueError: the equations are not canonical in x = [q; p].

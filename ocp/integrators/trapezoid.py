@@ -54,7 +54,7 @@ class PredictorCorrector:
         return 0
 
     def step(self, system: System) -> ca.Function:
-        """Return the function of one step; see `ocp.rule.Rule`."""
+        """Return the function of one step; see `ocp.integrators.contracts.Rule`."""
         x, h, u, p = symbols(system, 2)
         f = rates(system)
         slope = f(x, u[:, 0], p)

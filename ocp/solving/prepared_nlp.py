@@ -19,35 +19,27 @@ from ocp.problem.sequence import Sequence, parameter_values, phases_of
 from ocp.problem.singularities import singular_ends
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
+from ocp.solving.argument_checks import check_attempt, check_multipliers, check_settings
 from ocp.solving.diagnosis import explain, remarks
-from ocp.solving.first_guesses import smooth
+from ocp.solving.first_guesses import phase_guesses, smooth
+from ocp.solving.guess_conversion import KINDS, AnySolution, GuessLike, as_guesses, is_fresh, is_ladder
 from ocp.solving.guess_ladder import DEFAULT, climb
-from ocp.solving.ipopt import CONTINUED, Answer, Ipopt, Solver, build, run
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.nlp_solver import NlpResult, NlpSettings, PhysicalSolver, Start, physical_solver
+from ocp.solving.phase_solutions import solutions_of
 from ocp.solving.prechecks import contradictions, not_finite, standstill
-from ocp.solving.starts import (
-    STARTS,
-    Outcome,
-    Start,
-    as_guesses,
-    chain,
-    check_attempt,
-    check_duals,
-    check_settings,
-    is_ladder,
-)
-from ocp.solving.unpacking import solutions_of
-from ocp.solving.warm_start import multipliers
+from ocp.solving.warm_start import multipliers as carried_multipliers
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.guess import Guess
 from ocp.transcription.joining import JoinedNlp, join
 from ocp.transcription.nlp import bounds
 from ocp.transcription.packing import pack
-from ocp.transcription.scaling import common, from_limits, sizes, table, unscaled
+from ocp.transcription.scaling import common, expression_scales, from_limits, table, unscaled
 from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Scheme
 
-ROUNDING = 1e-13  # tolerance below which rounding decides
+ROUNDING = 1e-13  # no solver reaches a smaller tolerance in double precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,22 +48,23 @@ class Prepared:
 
     problem: Problem | Sequence
     joined: JoinedNlp
-    settings: Ipopt
+    settings: NlpSettings
     setup: float  # seconds spent so far
     first: tuple[object, object, list[Guess]] | None  # problem, parameter values and the smooth guess for them
-    cold: Solver
+    cold: PhysicalSolver  # for rough initial guesses
 
     def __call__(
         self,
-        guess: Start | Several[Any] | None = None,
+        guess: GuessLike | Several[Any] | None = None,
         values: Mapping[str, float] | None = None,
         problem: Problem | Sequence | None = None,
         grid: Grid | None = None,
-    ) -> Outcome:
+    ) -> AnySolution:
         """Solve.
 
         Args:
-            guess: a Guess, a solution or its file, or a ladder of rungs (see `ocp.ladder`); None for the default one.
+            guess: a Guess, a solution or its file, or a ladder of rungs (`ocp.solving.guess_ladder`); None for the
+                default ladder.
             values: of parameters, by name; nominal where silent.
             problem: one that differs in limits, start and end values or the guess of the duration only.
             grid: of as many elements.
@@ -83,9 +76,9 @@ class Prepared:
         numbers = parameter_values(here.problem, values)
         if guess is None or is_ladder(guess):
             return climb(here, DEFAULT if guess is None else tuple(guess), values)  # type: ignore[arg-type]
-        return here.attempt(as_guesses(here.problem, guess), numbers, warm=not _fresh(guess))
+        return here.attempt(as_guesses(here.problem, guess), numbers, warm=not is_fresh(guess))
 
-    def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> Outcome:
+    def proceed(self, solution: Solution, values: Mapping[str, float] | None = None) -> AnySolution:
         """Solve from a solution of the same problem on another grid or with another scheme, multipliers included.
 
         Args:
@@ -93,12 +86,12 @@ class Prepared:
             values: of parameters, by name; nominal where silent.
         """
         checks.instance("solution", solution, Solution, "a Solution")
-        duals = multipliers(self.joined.nlps[0], solution)
+        first = carried_multipliers(self.joined.nlps[0], solution)
         guesses = as_guesses(self.problem, solution)
-        return self.attempt(guesses, self.numbers(values), True, "continuation", duals=duals)
+        return self.attempt(guesses, self.numbers(values), True, "continuation", multipliers=first)
 
     def scales(self) -> str:
-        """Return the magnitudes by which the unknowns are scaled, in physical units, as a table."""
+        """Return the scales of the unknowns in physical units as a table."""
         parts = [table(nlp.scaling, nlp.problem) for nlp in self.joined.nlps]
         return "\n\n".join(parts)
 
@@ -117,7 +110,7 @@ class Prepared:
         return tuple(made for nlp in self.joined.nlps if (made := nlp.compilation) is not None)
 
     def on(
-        self, problem: Problem | Sequence, grid: Grid, settings: Ipopt, values: Mapping[str, float] | None
+        self, problem: Problem | Sequence, grid: Grid, settings: NlpSettings, values: Mapping[str, float] | None
     ) -> Prepared:
         """Return another problem prepared on another grid, with the same scheme."""
         check_settings(problem, self.joined.nlps[0].scheme, grid, settings)
@@ -147,66 +140,80 @@ class Prepared:
         warm: bool = False,
         rung: str = "given guess",
         spent: float = 0.0,
-        duals: tuple[Array, Array] | None = None,
-    ) -> Outcome:
+        multipliers: tuple[Array, Array] | None = None,
+    ) -> AnySolution:
         """Solve once from one guess for each phase.
 
         Args:
             guesses: one for each phase.
             values: of the parameters of each phase.
-            warm: start near the limits that the guess touches.
-            rung: what the guess is called in the solution.
+            warm: whether the guesses are near a solution and may touch its bounds.
+            rung: name of the guess in the solution.
             spent: seconds that making the guess took; they count as set-up.
-            duals: multipliers of the bounds and of the rows to start from.
+            multipliers: of the bounds (nz,) and of the rows (ng,) to start from.
         """
         begun = time.perf_counter() - checks.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
         nlps = self.joined.nlps
         check_attempt(self.problem, guesses, values, warm, rung)
-        check_duals(duals, (sum(p.layout.size for p in nlps), self.joined.expressions["g"].numel()))
-        every = [bounds(nlp) for nlp in nlps]
+        check_multipliers(multipliers, (sum(p.layout.size for p in nlps), self.joined.expressions["g"].numel()))
+        z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(nlps, guesses, values, strict=True)])
+        result, reasons = self._without_solver(guesses, values, z0)
+        if result is not None:
+            return self._solution(result, values, rung, time.perf_counter() - begun, reasons)
+        start = (Start.WARM if warm else Start.COLD) if multipliers is None else Start.MULTIPLIERS
+        solver = self.cold if start is Start.COLD else self._solver(start)
+        low, high, rows_low, rows_high = self._bounds()
+        s, z0 = self._nlp_parameters(values), np.clip(z0, low, high)
+        setup = time.perf_counter() - begun
+        result = solver(z0, s, (low, high, rows_low, rows_high), multipliers)
+        return self._solution(result, values, rung, setup, [])
+
+    def _solver(self, start: Start) -> PhysicalSolver:
+        joined = self.joined
+        return physical_solver(joined.expressions, joined.derivatives, joined.scales, self.settings, start)
+
+    def _bounds(self) -> tuple[Array, Array, Array, Array]:
+        """Return lower and upper bounds of the unknowns and of the rows of all phases; rows that tie them are zero."""
+        every = [bounds(nlp) for nlp in self.joined.nlps]
         tied = np.zeros(self.joined.links)
         low, high = (np.concatenate([b[i] for b in every]) for i in (0, 1))
-        rows = [np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3)]
-        z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(nlps, guesses, values, strict=True)])
+        rows_low, rows_high = (np.concatenate([*(b[i] for b in every), tied]) for i in (2, 3))
+        return low, high, rows_low, rows_high
+
+    def _nlp_parameters(self, values: list[list[float]]) -> Array:
+        """Return s: for each phase the parameter values, a fixed duration and the widths of the elements."""
+        parts: list[Array] = []
+        for nlp, numbers in zip(self.joined.nlps, values, strict=True):
+            fixed = [nlp.problem.horizon.duration] if isinstance(nlp.problem.horizon, Fixed) else []
+            parts += [np.array(numbers), np.array(fixed), nlp.grid.widths]
+        return np.concatenate(parts)
+
+    def _without_solver(
+        self, guesses: list[Guess], values: list[list[float]], z0: Array
+    ) -> tuple[NlpResult | None, list[str]]:
+        """Return a result that needs no solver, and reasons: contradictions, a singular start, no motion at all."""
         refused = [*contradictions(self.problem, values)]
         wrong = refused or [*singular_ends(phases_of(self.problem), values)]
         wrong = wrong or [*not_finite(self.problem, guesses, values)]
         if wrong:
-            status = Status.INFEASIBLE if refused else Status.FAILED
-            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
-            answer = Answer(z0, *nothing, np.nan, status, "not started", 0, 0.0, 0.0, {})
-            return self._outcome(answer, values, rung, time.perf_counter() - begun, wrong)
+            return self._not_started(z0, np.nan, Status.INFEASIBLE if refused else Status.FAILED), wrong
         still = standstill(self.problem, values[0], guesses[0]) if isinstance(self.problem, Problem) else None
         if still is not None:
-            z0 = pack(nlps[0], still[0], values[0])
-            nothing = np.zeros(len(rows[0])), np.zeros(len(z0))
-            answer = Answer(z0, *nothing, still[1], Status.SOLVED, "not started", 0, 0.0, 0.0, {})
-            return self._outcome(answer, values, rung, time.perf_counter() - begun, [])
-        parameters: list[Array] = []
-        for nlp, numbers in zip(nlps, values, strict=True):
-            fixed = [nlp.problem.horizon.duration] if isinstance(nlp.problem.horizon, Fixed) else []
-            parameters += [np.array(numbers), np.array(fixed), nlp.grid.widths]
-        settings = self.settings
-        if duals is not None:
-            settings = replace(settings, extra={**CONTINUED, **settings.extra})
-        chosen = (
-            build(self.joined.expressions, self.joined.derivatives, settings, True, self.joined.sizes)
-            if warm
-            else self.cold
-        )
-        z0 = np.clip(z0, low, high)
-        setup = time.perf_counter() - begun
-        sides = low, high, rows[0], rows[1]
-        answer = run(chosen, z0, np.concatenate(parameters), sides, duals)
-        return self._outcome(answer, values, rung, setup, [])
+            z0 = pack(self.joined.nlps[0], still[0], values[0])
+            return self._not_started(z0, still[1], Status.SOLVED), []
+        return None, []
 
-    def _outcome(
-        self, answer: Answer, values: list[list[float]], rung: str, setup: float, reasons: list[str]
-    ) -> Outcome:
+    def _not_started(self, z0: Array, cost: float, status: Status) -> NlpResult:
+        rows = np.zeros(self.joined.expressions["g"].numel())
+        return NlpResult(z0, rows, np.zeros(len(z0)), cost, status, "not started", 0, 0.0, 0.0, {})
+
+    def _solution(
+        self, result: NlpResult, values: list[list[float]], rung: str, setup: float, reasons: list[str]
+    ) -> AnySolution:
         nlps = self.joined.nlps
-        spent = max(answer.seconds - answer.derivatives, 0.0)
-        timings = Timings(self.setup + setup, answer.derivatives, spent, self.setup + setup + answer.seconds)
-        solutions = solutions_of(answer, nlps, values, timings, rung)
+        spent = max(result.seconds - result.derivatives, 0.0)
+        timings = Timings(self.setup + setup, result.derivatives, spent, self.setup + setup + result.seconds)
+        solutions = solutions_of(result, nlps, values, timings, rung)
         status = solutions[0].status
         if not reasons:
             reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
@@ -216,7 +223,7 @@ class Prepared:
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
         return SequenceSolution(
-            tuple(solutions), status, message, answer.verbatim, answer.cost, timings, answer.iterations, self.problem
+            tuple(solutions), status, message, result.verbatim, result.cost, timings, result.iterations, self.problem
         )
 
 
@@ -224,8 +231,8 @@ def prepare(
     problem: Problem | Sequence,
     scheme: Scheme | None = None,
     grid: Grid | None = None,
-    solver: Ipopt | None = None,
-    guess: Start | Several[Any] | None = None,
+    solver: NlpSettings | None = None,
+    guess: GuessLike | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
     compiled: bool = False,
 ) -> Prepared:
@@ -236,9 +243,9 @@ def prepare(
         scheme: default radau(3), constant controls.
         grid: default uniform(50).
         solver: settings.
-        guess: sets the magnitudes of the scaling; None for a smooth motion between the ends.
+        guess: from which the scales are taken; None for a smooth motion between the ends.
         values: of parameters, for the scaling.
-        compiled: let the functions of an element be machine code (see `ocp.compilation`): for many solves.
+        compiled: let the functions of an element be machine code (see `ocp.numerics.compilation`): for many solves.
 
     Raises:
         TypeError: an argument of the wrong kind.
@@ -250,8 +257,8 @@ def prepare(
     check_settings(problem, scheme, grid, solver, compiled)
     made = None if guess is None or is_ladder(guess) else as_guesses(problem, guess)
     every = parameter_values(problem, values)
-    given = made if isinstance(guess, STARTS) or _fresh(guess) else None
-    guesses = chain(problem, every, smooth) if given is None else given
+    given = made if isinstance(guess, KINDS) or is_fresh(guess) else None
+    guesses = phase_guesses(problem, every, smooth) if given is None else given
     parts = list(zip(phases_of(problem), guesses, every, strict=True))
     scalings = common([
         from_limits(phase, first, numbers, free_parameters(phase))
@@ -264,11 +271,7 @@ def prepare(
     ]
     sequence = problem if isinstance(problem, Sequence) else None
     links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
-    joined = join(tuple(nlps), sequence, [sizes(side, *part, own) for (side, _), part, own in links])
-    cold = build(joined.expressions, joined.derivatives, solver, False, joined.sizes)
+    joined = join(tuple(nlps), sequence, [expression_scales(side, *part, own) for (side, _), part, own in links])
+    cold = physical_solver(joined.expressions, joined.derivatives, joined.scales, solver)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, joined, solver, time.perf_counter() - begun, known, cold)
-
-
-def _fresh(guess: Any) -> bool:
-    return all(isinstance(part, Guess) for part in (guess if isinstance(guess, list | tuple) else [guess]))

@@ -1,4 +1,4 @@
-"""The control of a motion in pieces on which it is smooth, with the times at which the integration stops."""
+"""The control of a motion, divided into segments on which it is smooth, with the stops of the integration."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ class Polynomial:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A control given as a function of time, seen from inside (a, b): a jump at a or b is not mixed into the piece."""
+    """A control given as a function of time, evaluated strictly inside (a, b) so that a jump at an end does no harm."""
 
     function: ControlOf
-    inset: float  # how far inside its ends the piece is seen [s]
+    inset: float  # how far inside its ends the segment is seen [s]
     a: float  # [s]
     b: float  # [s]
     nu: int  # number of controls
@@ -99,18 +99,18 @@ class Sampled:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class Segment:
     """An interval on which the control is smooth."""
 
     stops: Array  # (K + 1,) [s], increasing: the start, times to report, the end
     control: Polynomial | Sampled
 
 
-def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, nu: int) -> Iterator[Piece]:
-    """Yield the pieces of a motion that ends at the last reported time.
+def segments(control: Controls, reported: Array, breaks: Sequence[float] | Array, nu: int) -> Iterator[Segment]:
+    """Yield the segments of a motion that ends at the last reported time.
 
     Args:
-        control: (nu,) constant, a function t -> (nu,), or a Solution, whose elements are the pieces.
+        control: (nu,) constant, a function t -> (nu,), or a Solution, whose elements are the segments.
         reported: (K,) times to report [s], increasing, >= 0.
         breaks: times where a function jumps or has a kink [s].
         nu: number of controls.
@@ -128,7 +128,7 @@ def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, 
         for k, (a, b) in enumerate(pairwise(control.nodes)):
             if a < end:
                 shape = Polynomial(a, b - a, scheme.control_nodes, control.controls[k], scheme.control_at)
-                yield Piece(stops(a, min(b, end)), shape)
+                yield Segment(stops(a, min(b, end)), shape)
         return
     first = at_start(control, nu)
     inner = sorted({float(b) for b in breaks if 0.0 < b < end})
@@ -136,9 +136,9 @@ def pieces(control: Controls, reported: Array, breaks: Sequence[float] | Array, 
         if a == b:
             return
         if callable(control):
-            yield Piece(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b, nu))
+            yield Segment(stops(a, b), Sampled(control, 1e-12 * (b - a) if inner else 0.0, a, b, nu))
         else:
-            yield Piece(stops(a, b), Polynomial(a, b - a, np.zeros(1), first[None, :], np.ones_like))
+            yield Segment(stops(a, b), Polynomial(a, b - a, np.zeros(1), first[None, :], np.ones_like))
 
 
 def at_start(control: Controls, nu: int) -> Array:
