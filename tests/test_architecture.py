@@ -171,7 +171,7 @@ def test_the_reading_sees_what_it_looks_for():
     ]
     assert forbidden("np.load(f, allow_pickle=False)\nfunction.eval(1)\ndef eval(x): ...") == []
     assert FOREIGN.findall("Robots have an arm. alarm, harm, jointly, torque") == ["Robot", "arm", "torque"]
-    assert graph()["ocp.solving.solver"] >= {"ocp.solving.prepared"}
+    assert graph()["ocp.solving.solver"] >= {"ocp.solving.prepared_nlp"}
     assert graph()["scripts.time_optimal"] >= {"scripts.pictures.solution", "ocp"}
 
 

@@ -214,7 +214,7 @@ def solves() -> tuple[Call, ...]:
         Call("Prepared.adapted", made.adapted, {"problem": A(None, OPTIONAL), "grid": A(None, OPTIONAL)}),
         Call("Prepared.attempt", made.attempt, {
             "guesses": A([example.guess()], NOTHING, ("guess",)), "values": A([[9.81]]), "warm": A(False, TRUTH),
-            "rung": A("mine", ANY_TEXT), "spent": A(0.0, AT_LEAST_ZERO), "duals": A(None, OPTIONAL)}),
+            "rung": A("mine", ANY_TEXT), "spent": A(0.0, AT_LEAST_ZERO), "multipliers": A(None, OPTIONAL)}),
         *(Call(f"Solution.{name}", getattr(solution, name), {"t": times})
           for name in ("x", "u", "rate", "costate", "locate")),
         Call("Solution.signal", solution.signal, {"signal": A("q"), "t": times}),
