@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import importlib.metadata
 import json
 import sys
@@ -21,6 +22,8 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.system import System
 
+# Packages of this program; each tells in released_modules.py what release 0.1.0 kept where.
+OWN = ("models", "ocp", "reports")
 # Code of these is known by the version of the package.
 KNOWN = ("builtins", "casadi", "models", "numpy", "ocp")
 
@@ -85,7 +88,7 @@ def _chunks(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
         if not _installed(value.__name__):
             yield Path(value.__file__).read_bytes() if value.__file__ else b""
     elif isinstance(value, type | types.BuiltinFunctionType | np.ufunc):
-        yield f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', value.__name__)}".encode()
+        yield _name(value).encode()
         if isinstance(value, type) and not _installed(value.__module__):
             yield from _chunks({k: v for k, v in vars(value).items() if isinstance(v, types.FunctionType)}, inside)
     elif isinstance(value, Mapping):
@@ -102,12 +105,15 @@ def _chunks(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
         for field in fields(value):
             yield from _chunks((field.name, getattr(value, field.name)), inside)
     else:
-        yield f"{type(value).__module__}.{type(value).__qualname__}".encode()
-        yield from _chunks(getattr(value, "__dict__", {}), inside)
+        yield _name(type(value)).encode()
+        content = dict(getattr(value, "__dict__", {}))
+        if "__wrapped__" in content:  # a function behind functools.lru_cache
+            content["__module__"] = _module(value)
+        yield from _chunks(content, inside)
 
 
 def _of_function(function: types.FunctionType, above: tuple[int, ...]) -> Iterator[bytes]:
-    yield f"{function.__module__.split('.')[0]}.{function.__qualname__}".encode()
+    yield f"{_module(function).split('.')[0]}.{function.__qualname__}".encode()
     cells = [_content(cell) for cell in function.__closure__ or ()]
     yield from _chunks(dict(zip(function.__code__.co_freevars, cells, strict=True)), above)
     if _installed(function.__module__):
@@ -116,6 +122,32 @@ def _of_function(function: types.FunctionType, above: tuple[int, ...]) -> Iterat
     yield from _chunks((function.__defaults__, function.__kwdefaults__), above)
     named = sorted(_names(function.__code__) & function.__globals__.keys())
     yield from _chunks({name: function.__globals__[name] for name in named}, above)
+
+
+def _name(value: Any) -> str:
+    """Return the name of a class or a compiled function: with its module, but within this package without it.
+
+    A file of the package may move; classes keep the module that they had when their names first entered a store.
+    """
+    module, name = _module(value), getattr(value, "__qualname__", value.__name__)
+    top = module.split(".")[0]
+    if top in OWN and name not in _released(top):
+        return f"{top}.{name}"
+    return f"{module}.{name}"
+
+
+def _module(value: Any) -> str:
+    """Return the module of a class or function as identities have it: that of release 0.1.0, if it was in there."""
+    module = str(getattr(value, "__module__", ""))
+    top = module.split(".")[0]
+    return _released(top).get(getattr(value, "__qualname__", ""), module) if top in OWN else module
+
+
+@functools.cache
+def _released(top: str) -> dict[str, str]:
+    """Return qualified name -> module of release 0.1.0 for what that release had in a package."""
+    modules: Mapping[str, str] = importlib.import_module(f"{top}.released_modules").MODULES
+    return {name: module for module, names in modules.items() for name in names.split()}
 
 
 def _installed(module: str) -> bool:
