@@ -146,7 +146,10 @@ def _module(value: Any) -> str:
 @functools.cache
 def _released(top: str) -> dict[str, str]:
     """Return qualified name -> module of release 0.1.0 for what that release had in a package."""
-    modules: Mapping[str, str] = importlib.import_module(f"{top}.released_modules").MODULES
+    try:
+        modules: Mapping[str, str] = importlib.import_module(f"{top}.released_modules").MODULES
+    except ImportError:  # a package of the user with the same name
+        return {}
     return {name: module for module, names in modules.items() for name in names.split()}
 
 
@@ -186,6 +189,6 @@ def _reduced(value: Any) -> tuple[object, ...]:
     return tuple(made[1])
 
 
-def canonical(case: Mapping[str, Any]) -> str:
-    """Return a case as one line of JSON that does not depend on the order of its names."""
+def as_json(case: Mapping[str, Any]) -> str:
+    """Return a case as one line of JSON, with its names sorted."""
     return json.dumps(dict(case), sort_keys=True, allow_nan=False)

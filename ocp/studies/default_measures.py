@@ -1,4 +1,4 @@
-"""What a study notes of a solution by default: cost, duration, and the size of every control."""
+"""Results that a study stores by default: cost, duration, peak and root mean square of every control."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ def measures(solution: Solution) -> dict[str, float]:
 
 
 def named_numbers(what: str, value: object) -> dict[str, float]:
-    """Return what a function noted as name -> number; None stands for no number.
+    """Return the results of a measure or function as name -> float; None becomes NaN.
 
     Args:
-        what: returned it, for the message.
-        value: name -> number or truth value.
+        what: function that returned them, for the message.
+        value: name -> number, truth value or None.
 
     Raises:
         TypeError: something else.

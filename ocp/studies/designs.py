@@ -12,14 +12,14 @@ import numpy as np
 
 from ocp import checks
 
-MOST = 10_000_000  # points of a sample
+MOST = 10_000_000  # points of a random design
 PLAIN = "a finite number, a text, a truth value or a tuple of them"
 Value = float | int | bool | str | tuple[Any, ...]
 Case = dict[str, Value]
 
 
 class Design(Protocol):
-    """Something that lists cases, each a mapping name -> value with the same names."""
+    """A list of cases, each a mapping name -> value with the same names."""
 
     def cases(self) -> list[Case]:
         """Return the cases in order."""
@@ -34,7 +34,7 @@ class Product:
         axes: name -> values: numbers, texts, truth values, or tuples of numbers.
 
     Raises:
-        TypeError, ValueError: no axis, an empty one, or a value that is not plain.
+        TypeError, ValueError: no axis, an axis without values, or another kind of value.
     """
 
     axes: Mapping[str, Sequence[Any]]
@@ -57,10 +57,10 @@ class Zip:
     """The first values of all axes, then the second ones, and so on.
 
     Args:
-        axes: name -> values, equally many on every axis.
+        axes: name -> values, the same number on every axis.
 
     Raises:
-        TypeError, ValueError: as for Product, or axes of different length.
+        TypeError, ValueError: as for Product, or axes of different lengths.
     """
 
     axes: Mapping[str, Sequence[Any]]
@@ -79,13 +79,13 @@ class Zip:
 
 @dataclass(frozen=True, eq=False)
 class Listed:
-    """Cases one by one.
+    """Cases given one by one.
 
     Args:
         rows: mappings name -> value, all with the same names.
 
     Raises:
-        TypeError, ValueError: no row, a row with other names, or a value that is not plain.
+        TypeError, ValueError: no row, a row with other names, or another kind of value than on an axis of Product.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -108,7 +108,7 @@ class Random:
         seed: the same seed gives the same points.
 
     Raises:
-        TypeError, ValueError: a range that is no pair of numbers lower < upper, count < 1 or beyond ten million.
+        TypeError, ValueError: a range that is not a pair of numbers lower < upper, count < 1 or beyond ten million.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -120,12 +120,12 @@ class Random:
 
     def cases(self) -> list[Case]:
         """Return the cases in order."""
-        return _stretched(self, np.random.default_rng(self.seed).random((self.count, len(self.ranges))))
+        return _scaled(self, np.random.default_rng(self.seed).random((self.count, len(self.ranges))))
 
 
 @dataclass(frozen=True, eq=False)
 class LatinHypercube:
-    """Points that lie in `count` different slices of every axis.
+    """Random points, exactly one in each of `count` slices of every axis.
 
     Args:
         ranges: name -> (lower, upper).
@@ -149,12 +149,12 @@ class LatinHypercube:
 
     def cases(self) -> list[Case]:
         """Return the cases in order."""
-        return _stretched(self, _sampler("LatinHypercube")(len(self.ranges), seed=self.seed).random(self.count))
+        return _scaled(self, _sampler("LatinHypercube")(len(self.ranges), seed=self.seed).random(self.count))
 
 
 @dataclass(frozen=True, eq=False)
 class Sobol:
-    """The first points of a scrambled Sobol sequence; balanced where `count` is a power of two.
+    """The first points of a scrambled Sobol sequence; evenly distributed if `count` is a power of two.
 
     Args:
         ranges: name -> (lower, upper).
@@ -179,7 +179,7 @@ class Sobol:
         """Return the cases in order."""
         power = max(0, math.ceil(math.log2(self.count)))
         points = _sampler("Sobol")(len(self.ranges), seed=self.seed).random_base2(power)
-        return _stretched(self, points[: self.count])
+        return _scaled(self, points[: self.count])
 
 
 def plain(name: str, value: object) -> Value:
@@ -201,7 +201,7 @@ def plain(name: str, value: object) -> Value:
 
 
 def plain_rows(name: str, rows: object) -> tuple[Case, ...]:
-    """Return cases with plain values.
+    """Return cases with values as `plain` returns them.
 
     Args:
         name: of the argument.
@@ -256,8 +256,8 @@ def _check_box(design: Random | LatinHypercube | Sobol) -> None:
     checks.whole(f"{kind}: seed", design.seed, 0)
 
 
-def _stretched(design: Random | LatinHypercube | Sobol, points: np.ndarray) -> list[Case]:
-    """Return points of the unit cube as cases."""
+def _scaled(design: Random | LatinHypercube | Sobol, points: np.ndarray) -> list[Case]:
+    """Return points (count, axes) of the unit cube as cases, scaled to the ranges."""
     low, high = np.array(list(design.ranges.values()), dtype=float).T
     return [dict(zip(design.ranges, row, strict=True)) for row in (low + points * (high - low)).tolist()]
 

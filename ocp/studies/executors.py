@@ -1,4 +1,4 @@
-"""Executors by name: here, processes of this machine, a Dask cluster, MPI."""
+"""Executors by name: this process, processes of this computer, a Dask cluster, MPI."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ from contextlib import contextmanager
 from functools import partial
 
 KINDS = ("here", "processes", "dask", "dask:ADDRESS", "mpi")
-Run = Executor | Callable[[], Executor] | None
 
 
 @contextmanager
-def executor(name: str, jobs: int) -> Iterator[Run]:
-    """Open an executor, and close it afterwards.
+def executor(name: str, jobs: int) -> Iterator[Executor | Callable[[], Executor] | None]:
+    """Open an executor for `Study.run`, and close it afterwards.
 
     Args:
-        name: "here"; "processes"; "dask" for a cluster of this machine, "dask:ADDRESS" for a running scheduler; "mpi"
-            under mpiexec -m mpi4py.futures.
-        jobs: number of processes.
+        name: "here" for this process; "processes"; "dask" for a cluster of this computer, "dask:ADDRESS" for a
+            scheduler that runs elsewhere; "mpi" for a program started by mpiexec -m mpi4py.futures.
+        jobs: number of processes; the two last kinds ignore it.
 
     Raises:
         ValueError: no such name.
-        ImportError: the library of an extra is missing; the message names the extra.
-        OSError: no scheduler answers.
+        ImportError: a library is not installed; the message says how to install it.
+        OSError: there is no scheduler at the address.
     """
     kind, _, address = name.partition(":")
     if kind == "here":
@@ -36,7 +35,7 @@ def executor(name: str, jobs: int) -> Iterator[Run]:
         try:
             from distributed import Client, LocalCluster
         except ImportError:
-            raise ImportError('--executor dask needs Dask: pip install "hamel[cluster]"') from None
+            raise ImportError('executor "dask" needs Dask: pip install "hamel[cluster]"') from None
         if address:
             with Client(address, timeout=10) as client:
                 yield client.get_executor()
@@ -47,9 +46,11 @@ def executor(name: str, jobs: int) -> Iterator[Run]:
     elif kind == "mpi":
         try:
             from mpi4py.futures import MPIPoolExecutor
-        except ImportError:
-            raise ImportError("--executor mpi needs mpi4py and an MPI library: pip install mpi4py") from None
+        except (ImportError, RuntimeError) as error:  # RuntimeError: mpi4py is there, the MPI library is not
+            raise ImportError(
+                f'executor "mpi" needs mpi4py and an MPI library: pip install mpi4py, and Open MPI or MPICH ({error})'
+            ) from None
         with MPIPoolExecutor() as pool:
             yield pool
     else:
-        raise ValueError(f"--executor: got {name!r}, expected one of {', '.join(KINDS)}")
+        raise ValueError(f"executor: got {name!r}, expected one of {', '.join(KINDS)}")

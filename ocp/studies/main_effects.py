@@ -1,4 +1,4 @@
-"""What a study says about its axes: which one matters, how much, and where neighbours do not fit together."""
+"""Effect of every axis of a study on a result, and neighbouring cases between which the result jumps."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ocp.checks import Array
 from ocp.studies.table import StudyTable
 from ocp.studies.warm_start_tree import neighbours
 
-STEEP = 5.0  # times the change of slope from one side to the other
-ROUNDING = 1e-4  # share of the value below which nothing is a jump
+STEEP = 5.0  # a jump: slope off the mean of its neighbours by more than this times their difference
+ROUNDING = 1e-4  # smallest jump, relative to the result
 
 
 @dataclass(frozen=True)
 class Influence:
-    """How a result depends on one axis, from all solved cases together.
+    """Effect of one axis on a result, from all solved cases.
 
     Args:
         axis: name.
@@ -43,7 +43,7 @@ def influences(table: StudyTable, result: str = "duration") -> tuple[Influence, 
         result: name of a column.
 
     Raises:
-        TypeError: no table.
+        TypeError: table is not a StudyTable.
         KeyError: no such column.
         ValueError: a column without numbers, fewer solved cases than axes of numbers, or no such axis.
 
@@ -76,14 +76,14 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
     """Return the pairs of neighbours between which a result leaves its trend; they may lie in different local optima.
 
     The slope between them differs from the mean of the slopes on both sides by more than five times what these differ
-    from each other. A kink, where one optimum takes over from another without a step, is none.
+    from each other. A kink, where one optimum becomes better than another, is not reported.
 
     Args:
         table: of a study on a grid.
         result: name of a column.
 
     Raises:
-        TypeError: no table.
+        TypeError: table is not a StudyTable.
         KeyError: no such column.
         ValueError: a column without numbers.
     """

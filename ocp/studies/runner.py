@@ -1,4 +1,4 @@
-"""Carrying out a study: cases go to an executor as soon as the one they start from is finished."""
+"""Run of a study: each case goes to the executor as soon as the case that it starts from is finished."""
 
 from __future__ import annotations
 
@@ -11,95 +11,157 @@ from functools import cached_property
 from typing import Any
 
 from ocp import checks
-from ocp.studies.case_record import Record
+from ocp.studies.case_result import CaseResult
+from ocp.studies.case_solver import OpenCase, SolvedCase, StudySettings
 from ocp.studies.designs import Case
 from ocp.studies.store import LEASE, Store
 from ocp.studies.sweeping import in_words
-from ocp.studies.worker import Known, Task, Work, compute
+from ocp.studies.worker import compute
 
-AHEAD = 128  # cases given to an executor at a time
-PATIENCE = 0.5  # seconds between two looks at what another process does
+AHEAD = 128  # cases submitted to an executor at a time
+POLL = 0.5  # seconds between two looks at the cases of other processes
 DIED = "the process that computed it died (killed, or out of memory)"
+
+Watch = Callable[["Progress"], None] | None
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a study is."""
+    """Progress of a study.
+
+    Args:
+        total: number of cases.
+        done: cases that are finished, in this run or before.
+        failed: cases of them that failed.
+        last: result that was finished last, None before the first one.
+    """
 
     total: int
-    done: int  # finished, in this run or before
-    failed: int  # of them
-    last: Record | None = None  # finished last
+    done: int
+    failed: int
+    last: CaseResult | None = None
 
 
-@dataclass(eq=False)
-class _State:
-    """What is finished, running, and waiting."""
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The cases of a study and the order between them.
 
-    work: Work
+    Args:
+        settings: of the study.
+        cases: all of them.
+        ids: identity of each case.
+        parents: number of the case that each one starts from, None for a cold start.
+    """
+
+    settings: StudySettings
     cases: Sequence[Case]
     ids: Sequence[str]
     parents: Sequence[int | None]
-    store: Store
-    finished: dict[str, Record]
-    again: dict[str, Record]  # failed before, to be tried again
-    ready: deque[int] = field(default_factory=deque)
-    running: dict[Future[Record], int] = field(default_factory=dict)
-    elsewhere: set[int] = field(default_factory=set)  # computed by another process
-    failed: int = 0
-
-    def task(self, number: int) -> Task:
-        """Return a case with the nearest solved case above it."""
-        above, start, structure = self.parents[number], None, None
-        while above is not None:
-            record = self.finished[self.ids[above]]
-            if record.ok:
-                content = self.store.solution(record.id)
-                if content is not None:  # else a plain function found it, and there is nothing to start from
-                    start = Known(record.id, self.cases[above], content)
-                    structure = self._structure(record, start)
-                break
-            above = self.parents[above]
-        failed = self.again.get(self.ids[number])
-        attempts = failed.attempts + 1 if failed else 1
-        return Task(self.ids[number], self.cases[number], start, structure, attempts, failed is not None)
-
-    def _structure(self, record: Record, start: Known) -> Known | None:
-        if record.structure is None or record.structure == start.id:
-            return start if record.structure else None
-        content = self.store.solution(record.structure)
-        if content is None:
-            return None
-        known = self.finished.get(record.structure) or self.store.records([record.structure])[record.structure]
-        return Known(record.structure, dict(known.parameters), content)
 
     @cached_property
     def children(self) -> dict[int, list[int]]:
-        """The cases that start from each case."""
+        """Case -> the cases that start from it."""
         results: dict[int, list[int]] = {}
-        for number, above in enumerate(self.parents):
-            if above is not None:
-                results.setdefault(above, []).append(number)
+        for number, parent in enumerate(self.parents):
+            if parent is not None:
+                results.setdefault(parent, []).append(number)
         return results
 
 
+@dataclass(eq=False)
+class _Run:
+    """Cases of a study that are finished, ready, or being computed."""
+
+    plan: Plan
+    store: Store
+    watch: Watch
+    finished: dict[str, CaseResult]
+    retried: dict[str, CaseResult]  # failed results of an earlier run, to be replaced
+    ready: deque[int] = field(default_factory=deque)
+    running: dict[Future[CaseResult], int] = field(default_factory=dict)
+    elsewhere: set[int] = field(default_factory=set)  # computed by another process that uses the store
+    failed: int = 0
+
+    def task(self, number: int) -> OpenCase:
+        """Return a case to be computed, with the nearest solved case above it in the tree."""
+        parent, neighbour, structure = self.plan.parents[number], None, None
+        while parent is not None:
+            result = self.finished[self.plan.ids[parent]]
+            if result.ok:
+                content = self.store.solution(result.id)
+                if content is not None:  # a function that returns numbers leaves no solution
+                    neighbour = SolvedCase(result.id, self.plan.cases[parent], content)
+                    structure = self._structure(result, neighbour)
+                break
+            parent = self.plan.parents[parent]
+        name = self.plan.ids[number]
+        return OpenCase(
+            name, self.plan.cases[number], neighbour, structure, self._attempts(number), name in self.retried
+        )
+
+    def _structure(self, result: CaseResult, neighbour: SolvedCase) -> SolvedCase | None:
+        if result.structure is None or result.structure == neighbour.id:
+            return neighbour if result.structure else None
+        content = self.store.solution(result.structure)
+        if content is None:
+            return None
+        origin = self.finished.get(result.structure) or self.store.records([result.structure])[result.structure]
+        return SolvedCase(result.structure, dict(origin.parameters), content)
+
+    def _attempts(self, number: int) -> int:
+        earlier = self.retried.get(self.plan.ids[number])
+        return earlier.attempts + 1 if earlier else 1
+
+    def is_ours(self, number: int) -> bool:
+        """Return whether this process computes a case; a result that another process has stored is taken over."""
+        name = self.plan.ids[number]
+        if not self.store.claim(name):
+            self.elsewhere.add(number)
+            return False
+        result = self.store.records([name]).get(name)
+        if result is None or (name in self.retried and result.attempts <= self.retried[name].attempts):
+            return True
+        self.take(number, result)
+        return False
+
+    def finish(self, number: int, result: CaseResult) -> None:
+        """Store a result and make the cases ready that start from it."""
+        self.store.finish(self.plan.settings.identity, result)
+        self.take(number, result)
+
+    def take(self, number: int, result: CaseResult) -> None:
+        """Note a result that is stored and make the cases ready that start from it."""
+        self.finished[result.id] = replace(result, solutions={})
+        self.failed += not result.ok
+        children = self.plan.children.get(number, ())
+        self.ready.extend(k for k in children if self.plan.ids[k] not in self.finished)
+        self.tell(result)
+
+    def tell(self, last: CaseResult | None = None) -> None:
+        """Call the watcher with the progress."""
+        if self.watch is not None:
+            self.watch(Progress(len(self.plan.ids), len(self.finished), self.failed, last))
+
+    def look_elsewhere(self) -> None:
+        """Take over what other processes have finished, and the cases of processes that are gone."""
+        if not self.running and not self.ready:
+            time.sleep(POLL)
+        numbers, self.elsewhere = sorted(self.elsewhere), set()
+        self.ready.extend(number for number in numbers if self.is_ours(number))
+
+    def failure(self, number: int, message: str) -> CaseResult:
+        """Return the result of a case whose process returned none."""
+        name, case = self.plan.ids[number], self.plan.cases[number]
+        return CaseResult(name, case, "failed", "", message, attempts=self._attempts(number))
+
+
 def carry_out(
-    work: Work,
-    cases: Sequence[Case],
-    ids: Sequence[str],
-    parents: Sequence[int | None],
-    store: Store,
-    executor: Executor | Callable[[], Executor] | None,
-    retry_failed: bool,
-    watch: Callable[[Progress], None] | None,
+    plan: Plan, store: Store, executor: Executor | Callable[[], Executor] | None, retry_failed: bool, watch: Watch
 ) -> None:
     """Compute all cases that are not stored.
 
     Args:
-        work: what they share.
-        cases: all of them.
-        ids: of the cases.
-        parents: number of the case that each starts from.
+        plan: the cases.
         store: open for writing.
         executor: an executor, a function that makes one, or None.
         retry_failed: whether failed cases are tried again.
@@ -108,136 +170,93 @@ def carry_out(
     Raises:
         StoreError: the store cannot be written.
         RuntimeError: the given executor broke.
-        TypeError: what is to make an executor makes something else.
+        TypeError: the function that should make an executor returned something else.
     """
-    known = store.records(ids)
-    again = {name: record for name, record in known.items() if retry_failed and not record.ok}
-    finished = {name: record for name, record in known.items() if name not in again}
-    state = _State(work, cases, ids, parents, store, finished, again)
-    state.failed = sum(not record.ok for record in finished.values())
-    for number, above in enumerate(parents):
-        if ids[number] not in finished and (above is None or ids[above] in finished):
-            state.ready.append(number)
-    _tell(state, watch, None)
+    stored = store.records(plan.ids)
+    retried = {name: result for name, result in stored.items() if retry_failed and not result.ok}
+    finished = {name: result for name, result in stored.items() if name not in retried}
+    run = _Run(plan, store, watch, finished, retried)
+    run.failed = sum(not result.ok for result in finished.values())
+    for number, parent in enumerate(plan.parents):
+        if plan.ids[number] not in finished and (parent is None or plan.ids[parent] in finished):
+            run.ready.append(number)
+    run.tell()
     make: Callable[[], Executor] | None = None if isinstance(executor, Executor) else executor
     pool = executor if isinstance(executor, Executor) else _made(make) if make else None
     try:
-        _loop(state, pool, make, watch)
+        _loop(run, pool, make)
     finally:
-        for future in state.running:
+        for future in run.running:
             future.cancel()
         store.release()
         if make and pool is not None:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _loop(
-    state: _State, pool: Any, make: Callable[[], Executor] | None, watch: Callable[[Progress], None] | None
-) -> None:
-    suspects: deque[int] = deque()  # in flight when a process died; tried one by one
+def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
+    suspects: deque[int] = deque()  # being computed when a process died; tried again one by one
     renewed = time.monotonic()
-    while state.ready or state.running or state.elsewhere or suspects:
-        limit = 1 if suspects or pool is None else AHEAD
-        while len(state.running) < limit and (suspects or state.ready):
-            number = (suspects if suspects else state.ready).popleft()
-            if not _taken(state, number, watch):
-                continue
-            task = state.task(number)
-            state.running[_submit(pool, state.work, task)] = number
-            if pool is None or suspects:
-                break
-        done, _ = wait(state.running, timeout=PATIENCE, return_when=FIRST_COMPLETED) if state.running else ((), ())
+    while run.ready or run.running or run.elsewhere or suspects:
+        alone = bool(suspects)
+        _submit(run, pool, suspects)
+        done, _ = wait(run.running, timeout=POLL, return_when=FIRST_COMPLETED) if run.running else ((), ())
         broken = False
         for future in done:
-            number = state.running.pop(future)
+            number = run.running.pop(future)
             try:
-                record = future.result()
+                result = future.result()
             except BrokenExecutor as error:
                 if make is None:
-                    count = sum(name in state.finished for name in state.ids)
-                    raise RuntimeError(
-                        f"the executor broke ({in_words(error)}); {count} of {len(state.ids)} cases are stored, "
-                        "run again with a new executor to go on"
-                    ) from None
+                    raise _broken(run, error) from None
                 broken = True
-                if limit > 1 or state.running:
+                if not alone or run.running:
                     suspects.append(number)
                     continue
-                record = _died(state, number)
-            except Exception as error:  # of the executor, or something that could not travel
-                record = replace(_died(state, number), message=in_words(error))
-            # Not within the try: what goes wrong with the store is no failure of the case.
-            _finish(state, number, record, watch)
+                result = run.failure(number, DIED)
+            except Exception as error:  # of the executor, or of sending the case and its result
+                result = run.failure(number, in_words(error))
+            # Not within the try: an error of the store is no failure of the case.
+            run.finish(number, result)
         if broken and make is not None:
-            suspects += [number for number in state.running.values() if number not in suspects]
-            state.running.clear()
+            suspects += [number for number in run.running.values() if number not in suspects]
+            run.running.clear()
             pool.shutdown(wait=False, cancel_futures=True)
             pool = _made(make)
         if time.monotonic() - renewed > LEASE / 4.0:
-            state.store.renew()
+            run.store.renew()
             renewed = time.monotonic()
-        if state.elsewhere:
-            _look(state, watch)
+        if run.elsewhere:
+            run.look_elsewhere()
+
+
+def _submit(run: _Run, pool: Any, suspects: deque[int]) -> None:
+    """Submit cases until enough are in flight; without an executor compute one."""
+    limit = 1 if suspects or pool is None else AHEAD
+    while len(run.running) < limit and (suspects or run.ready):
+        number = (suspects if suspects else run.ready).popleft()
+        if not run.is_ours(number):
+            continue
+        task, settings = run.task(number), run.plan.settings
+        if pool is None:
+            done: Future[CaseResult] = Future()
+            done.set_result(compute(settings, task))
+            run.running[done] = number
+        else:
+            run.running[pool.submit(compute, settings, task)] = number
+        if limit == 1:
+            break
 
 
 def _made(make: Callable[[], Executor]) -> Executor:
     """Return a new executor."""
     pool = make()
-    told = f"executor: {checks.shown(make)} made"
-    checks.instance(told, pool, Executor, "a concurrent.futures.Executor")
+    checks.instance(f"executor: {checks.shown(make)} made", pool, Executor, "a concurrent.futures.Executor")
     return pool
 
 
-def _taken(state: _State, number: int, watch: Callable[[Progress], None] | None) -> bool:
-    """Return whether this process is to compute a case; what another one has finished is taken over."""
-    name = state.ids[number]
-    if not state.store.claim(name):
-        state.elsewhere.add(number)
-        return False
-    record = state.store.records([name]).get(name)
-    if record is None or (name in state.again and record.attempts <= state.again[name].attempts):
-        return True
-    _finish(state, number, record, watch, stored=True)
-    return False
-
-
-def _look(state: _State, watch: Callable[[Progress], None] | None) -> None:
-    """See what other processes have finished, or given up."""
-    if not state.running and not state.ready:
-        time.sleep(PATIENCE)
-    numbers, state.elsewhere = sorted(state.elsewhere), set()
-    for number in numbers:
-        if _taken(state, number, watch):
-            state.ready.append(number)
-
-
-def _finish(
-    state: _State, number: int, record: Record, watch: Callable[[Progress], None] | None, stored: bool = False
-) -> None:
-    if not stored:
-        state.store.finish(state.work.token, record)
-    state.finished[record.id] = replace(record, solutions={})
-    state.failed += not record.ok
-    state.ready.extend(k for k in state.children.get(number, ()) if state.ids[k] not in state.finished)
-    _tell(state, watch, record)
-
-
-def _died(state: _State, number: int) -> Record:
-    failed = state.again.get(state.ids[number])
-    attempts = failed.attempts + 1 if failed else 1
-    return Record(state.ids[number], state.cases[number], "failed", "", DIED, attempts=attempts)
-
-
-def _tell(state: _State, watch: Callable[[Progress], None] | None, last: Record | None) -> None:
-    if watch is not None:
-        watch(Progress(len(state.ids), len(state.finished), state.failed, last))
-
-
-def _submit(pool: Any, work: Work, task: Task) -> Future[Record]:
-    """Give a task to a pool, or compute it at once."""
-    if pool is not None:
-        future: Future[Record] = pool.submit(compute, work, task)
-        return future
-    done: Future[Record] = Future()
-    done.set_result(compute(work, task))
-    return done
+def _broken(run: _Run, error: BrokenExecutor) -> RuntimeError:
+    count = sum(name in run.finished for name in run.plan.ids)
+    return RuntimeError(
+        f"the executor broke ({in_words(error)}); {count} of {len(run.plan.ids)} cases are stored, "
+        "run again with a new executor to go on"
+    )

@@ -1,4 +1,4 @@
-"""The store of studies: one SQLite file with cases, results and solutions, written in transactions."""
+"""Store of studies: one SQLite file with cases, results and solutions, written in transactions."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from ocp import checks
-from ocp.studies.case_record import COLUMNS, Record, read, record_of, row_of, written
+from ocp.studies.case_result import COLUMNS, CaseResult, from_json, from_row, to_json, to_row
 
-APPLICATION = 0x48414D4C  # "HAML", what the file says it is
+APPLICATION = 0x48414D4C  # "HAML", the application id in the header of the file
 SCHEMA = 1
 MAGIC = b"SQLite format 3\0"
-PATIENCE = 60.0  # seconds to wait while another process writes
+BUSY = 60.0  # seconds to wait while another process writes
 LEASE = 60.0  # seconds after which a case claimed on another host is free again
-CHUNK = 500  # names in one question
+CHUNK = 500  # identities in one query
 TABLES = """
 create table studies (id text primary key, created text not null, about text not null);
 create table cases (
@@ -44,19 +44,19 @@ create table claims (id text primary key, host text not null, pid integer not nu
 
 
 class StoreError(OSError):
-    """The store cannot be used; one sentence with the file and the reason."""
+    """A store cannot be read or written; the message is one sentence with the file and the reason."""
 
 
 class Store:
-    """A store that is open; several processes may have it open at once.
+    """An open store of study results; several processes may have the same file open at once.
 
     Args:
-        path: of the file; made if there is none. None for a store in memory, gone with this object.
+        path: of the file; created if there is none. None for a store in memory, which is lost with this object.
         write: False to read only.
 
     Raises:
-        TypeError, ValueError: no path of a file, or write neither True nor False.
-        StoreError: no store, a damaged one, one of a newer version, or no right to write; it stays untouched.
+        TypeError, ValueError: path is no path of a file, or write neither True nor False.
+        StoreError: the file is no store, is damaged, of a newer version, or cannot be written; it is left unchanged.
     """
 
     def __init__(self, path: str | os.PathLike[str] | None, write: bool = True) -> None:
@@ -67,7 +67,7 @@ class Store:
             self._connection = sqlite3.connect(":memory:", isolation_level=None)
             self._set_up()
             return
-        with self._plainly("cannot be opened"):
+        with self._as_store_error("cannot be opened"):
             fresh = not self.path.exists() or self.path.stat().st_size == 0
             if fresh and not write:
                 raise StoreError(f"{self.path}: there is no such store")
@@ -90,40 +90,40 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Close the file; what was stored stays."""
+        """Close the file."""
         self._connection.close()
 
     def begin(self, study: str, about: Mapping[str, Any]) -> None:
-        """Note a study and its settings, unless it is known already."""
+        """Store the settings of a study, unless they are stored already."""
         checks.text("study", study)
-        words = written("about", about)
+        words = to_json("about", about)
         with self._transaction() as connection:
             connection.execute("insert or ignore into studies values (?, ?, ?)", (study, now(), words))
 
     def studies(self) -> dict[str, dict[str, Any]]:
-        """Return id -> settings of the studies in the store, oldest first."""
-        with self._plainly("cannot be read"):
+        """Return identity -> settings of the studies in the store, oldest first."""
+        with self._as_store_error("cannot be read"):
             rows = self._connection.execute("select id, about from studies order by rowid").fetchall()
-            return {name: read("about", about) for name, about in rows}
+            return {name: from_json("about", about) for name, about in rows}
 
-    def records(self, ids: Iterable[str]) -> dict[str, Record]:
-        """Return the records of those cases that are finished, without their solutions."""
-        results: dict[str, Record] = {}
+    def records(self, ids: Iterable[str]) -> dict[str, CaseResult]:
+        """Return identity -> result of those cases that are finished, without their solutions."""
+        results: dict[str, CaseResult] = {}
         wanted = checks.several("ids", ids, "a list of identities")
         for one in wanted:
             checks.text("ids, each", one)
-        with self._plainly("cannot be read"):
+        with self._as_store_error("cannot be read"):
             for first in range(0, len(wanted), CHUNK):
                 part = wanted[first : first + CHUNK]
                 marks = ", ".join("?" * len(part))
                 for row in self._connection.execute(f"select {COLUMNS} from cases where id in ({marks})", part):
-                    results[row[0]] = record_of(row)
+                    results[row[0]] = from_row(row)
         return results
 
     def of_study(self, study: str) -> list[str]:
-        """Return the ids of the finished cases that were computed for a study, oldest first."""
+        """Return the identities of the finished cases that were computed for a study, oldest first."""
         checks.text("study", study)
-        with self._plainly("cannot be read"):
+        with self._as_store_error("cannot be read"):
             rows = self._connection.execute("select id from cases where study = ? order by rowid", (study,)).fetchall()
         return [row[0] for row in rows]
 
@@ -131,7 +131,7 @@ class Store:
         """Return the content of a stored solution file, or None if there is none."""
         checks.text("case", case)
         checks.text("name", name)
-        with self._plainly("cannot be read"):
+        with self._as_store_error("cannot be read"):
             row = self._connection.execute(
                 "select content from solutions where id = ? and name = ?", (case, name)
             ).fetchone()
@@ -139,11 +139,11 @@ class Store:
                 checks.instance("solution", row[0], bytes, "the content of a solution file")
         return None if row is None else bytes(row[0])
 
-    def finish(self, study: str, record: Record) -> None:
-        """Store a case with its solutions and drop the claim on it, all in one transaction."""
+    def finish(self, study: str, record: CaseResult) -> None:
+        """Store the result of a case with its solutions and delete the claim on it, in one transaction."""
         checks.text("study", study)
-        checks.instance("record", record, Record, "the Record of a case")
-        row = row_of(replace(record, finished=record.finished or now(), host=record.host or self._host))
+        checks.instance("record", record, CaseResult, "the CaseResult of a case")
+        row = to_row(replace(record, finished=record.finished or now(), host=record.host or self._host))
         marks = ", ".join("?" * len(row))
         with self._transaction() as connection:
             connection.execute(f"insert or replace into cases (study, {COLUMNS}) values (?, {marks})", (study, *row))
@@ -154,7 +154,7 @@ class Store:
             connection.execute("delete from claims where id = ?", (record.id,))
 
     def claim(self, case: str) -> bool:
-        """Take a case for this process; False if another living process has it."""
+        """Reserve a case for this process; False if another living process has reserved it."""
         checks.text("case", case)
         with self._transaction() as connection:
             row = connection.execute("select host, pid, until from claims where id = ?", (case,)).fetchone()
@@ -166,14 +166,14 @@ class Store:
         return True
 
     def renew(self) -> None:
-        """Keep the cases of this process for another lease."""
+        """Extend the reservations of this process by another lease."""
         with self._transaction() as connection:
             connection.execute(
                 "update claims set until = ? where host = ? and pid = ?", (time.time() + LEASE, self._host, self._pid)
             )
 
     def release(self) -> None:
-        """Give back the cases that this process has claimed and not finished."""
+        """Delete the reservations of this process for cases that it has not finished."""
         with self._transaction() as connection:
             connection.execute("delete from claims where host = ? and pid = ?", (self._host, self._pid))
 
@@ -189,41 +189,41 @@ class Store:
         return True
 
     def _examine(self) -> None:
-        """Refuse a file that is no store, without writing to it."""
+        """Raise StoreError for a file that is no store, without writing to it."""
         with self.path.open("rb") as file:
             head = file.read(100)
         if not head.startswith(MAGIC) or len(head) < 100:
-            raise StoreError(f"{self.path}: is no store of studies (no SQLite file); it was left untouched")
+            raise StoreError(f"{self.path}: is no store of studies (no SQLite file); it is left unchanged")
         application, schema = int.from_bytes(head[68:72], "big"), int.from_bytes(head[60:64], "big")
         if application != APPLICATION:
-            raise StoreError(f"{self.path}: is an SQLite file of another program; it was left untouched")
+            raise StoreError(f"{self.path}: is an SQLite file of another program; it is left unchanged")
         if schema > SCHEMA:
             raise StoreError(f"{self.path}: has schema version {schema}, expected up to {SCHEMA}; update the program")
 
     def _connect(self, mode: str) -> sqlite3.Connection:
         address = f"{self.path.absolute().as_uri()}?mode={mode}"
-        return sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
+        return sqlite3.connect(address, uri=True, timeout=BUSY, isolation_level=None)
 
     def _read_only(self) -> None:
-        """Read without the right to write; on a medium that cannot be written to as well."""
+        """Open for reading only, also on a medium that cannot be written to."""
         try:
-            with self._plainly("cannot be read", sqlite3.OperationalError):
-                # A connection that may write removes its log when it closes.
+            with self._as_store_error("cannot be read", sqlite3.OperationalError):
+                # A connection that may write deletes the write-ahead log when it closes.
                 self._connection.execute("pragma query_only = on")
                 self._connection.execute("select count(*) from studies")
         except sqlite3.OperationalError:
             self._connection.close()
-            with self._plainly("cannot be read"):
+            with self._as_store_error("cannot be read"):
                 self._connection = self._connect("ro&immutable=1")
                 self._connection.execute("select count(*) from studies")
 
     def _set_up(self) -> None:
-        with self._plainly("cannot be used"):
+        with self._as_store_error("cannot be used"):
             connection = self._connection
             result = connection.execute("pragma quick_check(1)").fetchone()
             if result is None or result[0] != "ok":
-                told = " ".join(str(result[0] if result else "unreadable").split())
-                raise StoreError(f"{self.path}: is damaged ({told}); left untouched")
+                reason = " ".join(str(result[0] if result else "unreadable").split())
+                raise StoreError(f"{self.path}: is damaged ({reason}); it is left unchanged")
             if connection.execute("pragma application_id").fetchone()[0] != APPLICATION:
                 connection.execute("begin immediate")
                 # Another process may have been faster.
@@ -233,16 +233,16 @@ class Store:
                     connection.execute(f"pragma user_version = {SCHEMA}")
                     connection.execute(f"pragma application_id = {APPLICATION}")
                 connection.execute("commit")
-            # Only now, so that the file itself says what it is, even if the process is killed here.
+            # Only now, so that the file has its application id even if the process is killed here.
             connection.execute("pragma journal_mode = wal")
             connection.execute("pragma synchronous = normal")
         with self._transaction() as connection:
-            # A store that cannot be written to says so before the first case is computed, not after it.
+            # A store that cannot be written is refused before the first case is computed, not after it.
             connection.execute("delete from claims where until < ?", (time.time() - 100.0 * LEASE,))
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
-        with self._plainly("cannot be written"):
+        with self._as_store_error("cannot be written"):
             self._connection.execute("begin immediate")
             try:
                 yield self._connection
@@ -253,8 +253,8 @@ class Store:
                 raise
 
     @contextlib.contextmanager
-    def _plainly(self, what: str, *but: type[sqlite3.Error]) -> Iterator[None]:
-        """Turn errors of SQLite, of the file system and of what the file holds into one sentence."""
+    def _as_store_error(self, what: str, *but: type[sqlite3.Error]) -> Iterator[None]:
+        """Turn errors of SQLite, of the file system and of unreadable rows into a StoreError."""
         try:
             yield
         except but:

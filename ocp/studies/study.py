@@ -1,4 +1,4 @@
-"""Parameter studies: many cases of one question, stored as they are finished, resumed where they stopped."""
+"""Parameter studies: a function over many cases, each stored when it is finished, resumed after an interruption."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence as Phases
 from ocp.solution.solution import Solution
 from ocp.solving.ipopt import Ipopt
-from ocp.studies.content_hash import canonical, digest, versions
+from ocp.studies.case_solver import StudySettings
+from ocp.studies.content_hash import as_json, digest, versions
 from ocp.studies.default_measures import measures
 from ocp.studies.designs import Case, Design, Product, plain_rows
-from ocp.studies.runner import Progress, carry_out
+from ocp.studies.runner import Plan, Progress, carry_out
 from ocp.studies.store import Store
 from ocp.studies.sweeping import check_function
 from ocp.studies.table import StudyTable
 from ocp.studies.warm_start_tree import parents
-from ocp.studies.worker import Work
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 
-LONG = 100  # cases from which on compiling pays: it takes 0.1 to 0.7 s, and saves 2 ms and more for each
+COMPILED_FROM = 100  # cases; compiling takes 0.1 to 0.7 s and saves at least 2 ms for each case
 
 Run = Executor | Callable[[], Executor] | None
 
@@ -38,17 +38,17 @@ class Study:
     """A function over many cases, or a problem over values of its parameters.
 
     The function takes the values of a case as keyword arguments (a dot in a name may be an underscore) and returns a
-    Problem, which the study solves; or a Solution, a number, or a mapping name -> number. Values that a function does
-    not take are parameters of the problem it returns. A system that stays the same object from case to case, built
-    once outside of the function, lets the study prepare its NLP once in each process.
+    Problem, which the study solves; or a Solution, a number, or a mapping name -> number. Values that the function does
+    not take are parameters of the problem it returns. If the system is built once, outside of the function, the study
+    prepares its NLP once in each process.
 
-    Every case has an identity: the hash of function (code, and what it names), values, settings and versions. What is
-    stored under it is not computed again; changed settings lead to other identities and never mix with old results.
+    Every case has an identity: the hash of the function (code and everything that it refers to), values, settings and
+    versions. A case whose identity is stored is not computed again; other settings give other identities.
 
-    Cases form a tree: each starts from its nearest neighbour, by the neighbour's switching structure (polished
-    studies), or else from its motion and multipliers, or else from nothing. The tree depends on the cases alone, so
-    that results do not depend on the executor, nor on interruptions. On a share of the cases (`checked`) the result is
-    compared with a cold start, and the better one kept.
+    Cases form a tree: each starts from its nearest neighbour, with the neighbour's switching structure (polished
+    studies), or else from its motion and multipliers, or else cold. The tree depends on the cases alone, so results
+    depend neither on the executor nor on interruptions. A share of the cases (`checked`) is solved cold as well, and
+    the better solution is kept.
 
     Args:
         function: of keyword arguments, or a Problem.
@@ -59,10 +59,10 @@ class Study:
         solver: settings.
         polished: whether solutions are polished.
         neighbours: whether cases start from their neighbours.
-        checked: share of such cases that are solved from nothing as well.
+        checked: share of such cases that are solved cold as well.
         measure: of a Solution, returns name -> number; default cost, duration, peak and root mean square of controls.
-        slopes: whether the derivatives of cost and duration by every number of a case are noted as well, from the
-            conditions of optimality, as "d duration / d NAME".
+        slopes: whether the derivatives of cost and duration by every number of a case are computed as well, from the
+            optimality conditions, as columns "d duration / d NAME".
         compiled: whether the functions of an element are compiled to machine code, where a C compiler is there; None
             for studies without polish of at least 100 cases, which is when it pays.
         settings: anything else that results depend on; part of the identity.
@@ -91,8 +91,8 @@ class Study:
         if isinstance(self.over, Mapping):
             object.__setattr__(self, "over", Product(self.over))
         if not callable(getattr(self.over, "cases", None)):
-            told = checks.shown(self.over)
-            raise TypeError(f"Study: over is {told}, expected name -> values, or a design such as Product, Sobol")
+            shown = checks.shown(self.over)
+            raise TypeError(f"Study: over is {shown}, expected name -> values, or a design such as Product, Sobol")
         if self.store is not None:
             checks.path("Study: store", self.store)
         checks.instance("Study: scheme", self.scheme, Scheme | None, "a Scheme such as radau(3), or None")
@@ -113,7 +113,7 @@ class Study:
         """The cases, each once, in the order of the design."""
         assert not isinstance(self.over, Mapping)
         rows = plain_rows("Study: cases of over", self.over.cases())
-        return tuple({canonical(row): row for row in rows}.values())
+        return tuple({as_json(row): row for row in rows}.values())
 
     @cached_property
     def identity(self) -> str:
@@ -133,11 +133,11 @@ class Study:
     @cached_property
     def ids(self) -> tuple[str, ...]:
         """Identity of every case."""
-        return tuple(digest(self.identity, canonical(case)) for case in self.cases)
+        return tuple(digest(self.identity, as_json(case)) for case in self.cases)
 
     @property
     def about(self) -> dict[str, Any]:
-        """Where the results come from, in words."""
+        """Function, settings and versions in words, as they are stored."""
         name = getattr(self.function, "__qualname__", type(self.function).__name__)
         return {
             "function": f"{getattr(self.function, '__module__', '')}.{name}",
@@ -158,15 +158,15 @@ class Study:
     def run(
         self, executor: Run = None, retry_failed: bool = False, watch: Callable[[Progress], None] | None = None
     ) -> StudyTable:
-        """Compute what is not stored yet and return the table of all cases.
+        """Compute the cases that are not stored yet and return the table of all cases.
 
-        A case that fails is stored with its diagnosis; the study goes on. Interrupted at any moment, even killed, it
-        loses the cases in flight only; run again, it goes on. Two processes may run the same study on one store: they
-        share the work.
+        A case that fails is stored with its diagnosis, and the study goes on. A run that is interrupted or killed loses
+        only the cases that were being computed; the next run computes the rest. Two processes may run the same study on
+        one store, each computing a part of the cases.
 
         Args:
-            executor: any concurrent.futures.Executor, or a function that makes one (then a pool whose process dies is
-                replaced); None computes here.
+            executor: any concurrent.futures.Executor, or a function that makes one (then a pool with a dead process is
+                replaced); None computes in this process.
             retry_failed: whether cases that failed are tried again, with the whole ladder of guesses.
             watch: called with the progress after every case.
 
@@ -176,26 +176,29 @@ class Study:
             RuntimeError: the executor broke; what was stored is kept.
         """
         if executor is not None and not isinstance(executor, Executor) and not callable(executor):
-            told = checks.shown(executor)
-            raise TypeError(f"run: executor is {told}, expected a concurrent.futures.Executor, or what makes one")
+            shown = checks.shown(executor)
+            raise TypeError(
+                f"run: executor is {shown}, expected a concurrent.futures.Executor, or a function that makes one"
+            )
         checks.truth("run: retry_failed", retry_failed)
         if watch is not None and not callable(watch):
             raise TypeError(f"run: watch is {checks.shown(watch)}, expected a function of the progress, or None")
         store = Store(self.store)
         try:
             store.begin(self.identity, self.about)
-            work = Work(
-                self.identity, self.function, self._root, self.measure, self.scheme, self.grid, self.solver,
+            settings = StudySettings(
+                self.identity, self.function, self._first, self.measure, self.scheme, self.grid, self.solver,
                 self.polished, self.neighbours, self.checked, self.slopes, self._compiled,
             )  # fmt: skip
-            carry_out(work, self.cases, self.ids, self._parents, store, executor, retry_failed, watch)
+            plan = Plan(settings, self.cases, self.ids, self._parents)
+            carry_out(plan, store, executor, retry_failed, watch)
             return self._table(store)
         finally:
             if self.store is not None:
                 store.close()
 
     def table(self) -> StudyTable:
-        """Return the table of what is stored, with gaps where nothing is; nothing is computed or written.
+        """Return the table of the stored cases, with gaps for the others; nothing is computed or written.
 
         Raises:
             StoreError: there is no store, or it cannot be read.
@@ -212,20 +215,20 @@ class Study:
 
     @property
     def _compiled(self) -> bool:
-        # By the number of cases alone, so that every process and every run decides alike.
-        long = len(self.cases) >= LONG and not (self.polished and self.neighbours)
+        # From the number of cases alone, so that every process and every run decides the same.
+        long = len(self.cases) >= COMPILED_FROM and not (self.polished and self.neighbours)
         return long if self.compiled is None else self.compiled
 
     @property
-    def _root(self) -> Case:
-        """The case that the tree begins with."""
+    def _first(self) -> Case:
+        """The root of the tree, for which the NLP is prepared."""
         return self.cases[self._parents.index(None)]
 
     def _table(self, store: Store) -> StudyTable:
-        known = store.records(self.ids)
+        stored = store.records(self.ids)
         assert not isinstance(self.over, Mapping)
-        reading = functools.partial(_read, self.store) if self.store is not None else store.solution
-        return StudyTable(self.cases, tuple(known.get(name) for name in self.ids), self.over, reading)
+        read = functools.partial(_read, self.store) if self.store is not None else store.solution
+        return StudyTable(self.cases, tuple(stored.get(name) for name in self.ids), self.over, read)
 
 
 def _read(path: str | os.PathLike[str], case: str, name: str) -> bytes | None:

@@ -1,4 +1,4 @@
-"""Sweep: a function over cases, here or on any executor; what goes wrong becomes an outcome."""
+"""Call of a function for many cases, here or on any executor; an exception becomes part of the result."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Any
 
 from ocp import checks
 
-AHEAD = 64  # cases handed to an executor before the first of them is taken back
+AHEAD = 64  # cases submitted to an executor before the first result is waited for
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of one case.
+    """Result of the call of a function for one case.
 
     Args:
         case: name -> value.
@@ -33,19 +33,19 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether the function returned, and what it returned is no failed solution."""
+        """Whether the function returned, and did not return a failed solution."""
         return not self.error and bool(getattr(self.value, "ok", True))
 
 
 def sweep(
     function: Callable[..., Any], cases: Iterable[Mapping[str, Any]], executor: Executor | None = None
 ) -> Iterator[Outcome]:
-    """Call a function for every case, function(**case), and yield the outcomes in the order of the cases.
+    """Call a function for every case, function(**case), and yield the results in the order of the cases.
 
-    Nothing is stored, and no case knows of another; see `Study` for both.
+    Nothing is stored, and no case starts from the solution of another one; `Study` does both.
 
     Args:
-        function: of keyword arguments; with processes one that can travel, such as a function of a module.
+        function: of keyword arguments; for executors with processes a function of a module, which can be pickled.
         cases: mappings name -> value, or `Product({...}).cases()`.
         executor: any concurrent.futures.Executor; None calls here, one after the other.
 
@@ -54,17 +54,17 @@ def sweep(
     """
     check_function("sweep: function", function)
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        told = checks.shown(executor)
-        raise TypeError(f"sweep: executor is {told}, expected a concurrent.futures.Executor or None")
+        shown = checks.shown(executor)
+        raise TypeError(f"sweep: executor is {shown}, expected a concurrent.futures.Executor or None")
     rows = checks.several("sweep: cases", cases, "a list of mappings name -> value")
     for number, case in enumerate(rows):
         checks.mapping(f"sweep: case {number} of cases", case, "a mapping name -> value")
         for name in case:
             checks.text(f"sweep: cases, names of case {number}", name)
-    return _outcomes(function, rows, executor)
+    return _results(function, rows, executor)
 
 
-def _outcomes(
+def _results(
     function: Callable[..., Any], rows: list[Mapping[str, Any]], executor: Executor | None
 ) -> Iterator[Outcome]:
     if executor is None:
@@ -76,15 +76,15 @@ def _outcomes(
     while running:
         case, future = running.popleft()
         try:
-            outcome = future.result()
-        except Exception as error:  # the worker died, or something could not travel
-            outcome = Outcome(case, None, in_words(error), 0.0)
+            result = future.result()
+        except Exception as error:  # the worker died, or the case or its result could not be sent
+            result = Outcome(case, None, in_words(error), 0.0)
         running += [(case, executor.submit(attempt, function, case)) for case in islice(waiting, 1)]
-        yield outcome
+        yield result
 
 
 def attempt(function: Callable[..., Any], case: Mapping[str, Any]) -> Outcome:
-    """Return what comes of one call; an exception becomes its words.
+    """Call a function for one case; an exception becomes a sentence.
 
     Args:
         function: of keyword arguments.
@@ -99,12 +99,12 @@ def attempt(function: Callable[..., Any], case: Mapping[str, Any]) -> Outcome:
 
 
 def in_words(error: BaseException) -> str:
-    """Return an exception as one line."""
+    """Return type and message of an exception as one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
 
 
 def check_function(name: str, function: object) -> None:
-    """Raise TypeError if what is given as a function cannot be called."""
+    """Raise TypeError if an argument that should be a function cannot be called."""
     if not callable(function):
-        told = checks.shown(function)
-        raise TypeError(f"{name} is {told}, expected one that can be called with a case")
+        shown = checks.shown(function)
+        raise TypeError(f"{name} is {shown}, expected one that can be called with a case")

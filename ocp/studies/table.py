@@ -1,4 +1,4 @@
-"""The table of a study: one row for each case, gaps where a case failed or is not computed yet."""
+"""Table of a study: one row for each case, NaN where a case failed or is not computed yet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from ocp.numerics.files import written_whole
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode
-from ocp.studies.case_record import Record
+from ocp.studies.case_result import CaseResult
 from ocp.studies.designs import Case, Design, Product
 
 WORDS = ("status", "way", "message")
@@ -29,20 +28,20 @@ WORDS = ("status", "way", "message")
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
-    """What a study found.
+    """Table of the results of a study, one row for each case.
 
-    Columns are the names of the cases, then `status`, `way`, `message`, `seconds`, then the results; those of cases
-    that failed or are not computed yet are NaN.
+    Columns are the names of the values of a case, then `status`, `way`, `message`, `seconds`, then the results; results
+    of cases that failed or are not computed yet are NaN.
 
     Args:
         cases: in the order of the design.
-        records: of the cases; None where nothing is stored.
+        records: result of each case, None where nothing is stored.
         design: of the study.
         read: (id, name) -> content of a stored solution, or None.
     """
 
     cases: tuple[Case, ...]
-    records: tuple[Record | None, ...]
+    records: tuple[CaseResult | None, ...]
     design: Design
     read: Callable[[str, str], bytes | None]
 
@@ -54,12 +53,12 @@ class StudyTable:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the values that make a case."""
+        """Names of the values of a case."""
         return tuple(self.cases[0])
 
     @cached_property
     def results(self) -> tuple[str, ...]:
-        """Names of the numbers that were found."""
+        """Names of the results."""
         return tuple(dict.fromkeys(name for record in self.records if record for name in record.results))
 
     @property
@@ -74,7 +73,7 @@ class StudyTable:
 
     @property
     def failures(self) -> dict[int, str]:
-        """Number of each failed case -> its diagnosis."""
+        """Number of each failed case -> its message."""
         return {k: record.message for k, record in enumerate(self.records) if record is not None and not record.ok}
 
     def row(self, number: int) -> dict[str, Any]:
@@ -132,10 +131,10 @@ class StudyTable:
 
         Args:
             number: of the case.
-            problem: that it solves, if signals by name are wanted.
+            problem: of the case; needed for signals by name.
 
         Raises:
-            TypeError: problem is none.
+            TypeError: problem is not a Problem.
             ValueError: no such case, or nothing is stored for it.
         """
         checks.instance("problem", problem, Problem | None, "the Problem it solves, or None")
@@ -190,7 +189,8 @@ class StudyTable:
         for row in self:
             values = [row[name] for name in self.columns]
             writer.writerow([repr(value) if isinstance(value, float) else value for value in values])
-        _replace(target, text.getvalue().encode())
+        with written_whole(target) as part:
+            part.write_bytes(text.getvalue().encode())
 
     def write_parquet(self, path: str | os.PathLike[str]) -> None:
         """Write all columns as Parquet; an existing file is replaced only when the new one is complete.
@@ -209,7 +209,8 @@ class StudyTable:
         columns = {name: [row[name] for row in self] for name in self.columns}
         content = io.BytesIO()
         pyarrow.parquet.write_table(pyarrow.table(columns), content)
-        _replace(target, content.getvalue())
+        with written_whole(target) as part:
+            part.write_bytes(content.getvalue())
 
     def __str__(self) -> str:
         counts = Counter(record.status if record else "open" for record in self.records)
@@ -223,8 +224,3 @@ class StudyTable:
         if len(self.failures) > 10:
             lines.append(f"and {len(self.failures) - 10} more failures")
         return "\n".join(lines)
-
-
-def _replace(path: Path, content: bytes) -> None:
-    with written_whole(path) as part:
-        part.write_bytes(content)

@@ -18,7 +18,7 @@ import numpy as np
 from reports import study_file
 
 from ocp import Ipopt, Solution, Study, StudyTable, radau, solve, uniform
-from ocp.studies.worker import stated
+from ocp.studies.case_solver import call
 
 FILE = Path(__file__).resolve().parents[1] / "scenes" / "study.toml"
 ROUNDS = 5  # single solves before, and as many after
@@ -64,7 +64,7 @@ def _single(study: Study) -> float:
     """Return the seconds of one solve from nothing, problem and NLP included, the system given."""
     case = study.cases[len(study.cases) // 2]
     begun = time.perf_counter()
-    problem, values = stated(study.function, case)
+    problem, values = call(study.function, case)
     result = solve(problem, study.scheme or radau(3), study.grid or uniform(50), Ipopt(progress=False), values=values)
     assert isinstance(result, Solution)
     return time.perf_counter() - begun

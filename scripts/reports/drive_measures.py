@@ -1,4 +1,8 @@
-"""What a study of a scene notes of a motion: duration, drives, work."""
+"""Results that a study of a scene stores for every motion: duration, drives, work.
+
+The code of these functions, docstrings included, is part of the identity of stored studies: any change makes every
+stored case of every scene stale. Results to be added belong into a function of their own.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,8 @@ def _signals(solution: Solution, places: np.ndarray) -> tuple[np.ndarray, np.nda
     """Return tau and v (K, n) at places of every element, each seen from inside of it."""
     assert solution.problem is not None
     t, x, _, u = solution.samples(places)
-    p = np.tile(solution.parameters[:, None], len(t))
+    # A study hands over what the solver returned, whose values are in the order of the system (Solution.parameters).
+    p = np.tile(np.array(list(solution.values.values()))[:, None], len(t))
     tau, v = _function(solution.problem.system).map(len(t))(x.T, u.T, p)
     return np.array(tau).T, np.array(v).T
 

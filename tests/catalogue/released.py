@@ -69,5 +69,6 @@ def studies(folder):
         "shortest": Study(shortest, over=axes, store=folder / "shortest.db", **short),
         "polished": Study(shortest, over={"limit": [0.9, 1.0]}, store=folder / "polished.db", polished=True,
                           slopes=True, **short),
-        "problem": Study(shortest(1.0), over={"payload.mass": [0.0, 1.0]}, store=folder / "problem.db", grid=uniform(8)),
+        "problem": Study(shortest(1.0), over={"payload.mass": [0.0, 1.0]}, store=folder / "problem.db",
+                         grid=uniform(8)),
     }  # fmt: skip

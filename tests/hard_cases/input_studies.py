@@ -20,7 +20,7 @@ from hard_cases.input_call import (
     Call,
 )  # fmt: skip
 from ocp.numerics.compilation import compiled, pays
-from ocp.studies.case_record import Record
+from ocp.studies.case_result import CaseResult
 from ocp.studies.default_measures import measures
 from ocp.studies.main_effects import influences, jumps
 
@@ -117,7 +117,7 @@ def studies() -> tuple[Call, ...]:
 def stores() -> tuple[Call, ...]:
     """Return the calls of stores."""
     store = ocp.Store(None)
-    record = Record("one", {"a": 1.0}, "solved", "function", "")
+    record = CaseResult("one", {"a": 1.0}, "solved", "function", "")
     return (
         Call("ocp.Store", ocp.Store, {
             "path": A(example.folder() / "store.db", OPTIONAL | {"text"}), "write": A(True, TRUTH)}, ocp.Store.close),

@@ -13,7 +13,7 @@ from models import Parameter, spherical
 from models.effects import Gravity, Viscous
 from models.forms import canonical, hamel
 from ocp import point_to_point, radau, uniform
-from ocp.studies.content_hash import canonical as line
+from ocp.studies.content_hash import as_json as line
 from ocp.studies.content_hash import digest, versions
 
 FACTOR = 2.0

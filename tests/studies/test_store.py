@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ocp.studies.case_record import Record
+from ocp.studies.case_result import CaseResult
 from ocp.studies.store import APPLICATION, SCHEMA, Store, StoreError
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 def record(name, **changes):
     given = dict(parameters={"a": 1.0}, status="solved", way="cold", message="", results={"cost": 1.5},
                  timings={"total": 0.1}, solutions={"solution": b"content"})  # fmt: skip
-    return Record(name, **{**given, **changes})
+    return CaseResult(name, **{**given, **changes})
 
 
 def test_what_is_stored_is_read_back(tmp_path):

@@ -1,0 +1,239 @@
+"""Solution of the problem of one case: with a neighbour's switching structure, from its motion, or cold."""
+
+from __future__ import annotations
+
+import inspect
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ocp import checks
+from ocp.arcs.carry_over import PreparedStructure, prepare_structure
+from ocp.arcs.polishing import polish
+from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence
+from ocp.solution.solution import Solution
+from ocp.solution.storage import decode
+from ocp.solving.guess_ladder import DEFAULT, Smooth, StraightLine
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.prepared_nlp import Prepared, prepare
+from ocp.studies.designs import Case
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+SHORT_LADDER = (Smooth(), StraightLine())  # initial guesses for a case that is solved for the first time
+BETTER = 1e-6  # share of the cost by which a cold start must be lower to replace a warm one
+KEPT = 8  # arc NLPs cached in one process
+
+
+@dataclass(frozen=True, eq=False)
+class StudySettings:
+    """Everything that the cases of a study have in common; sent to a worker process together with each case.
+
+    Args:
+        identity: hash of function and settings.
+        function: of a case, returns a Problem, a Sequence, a Solution or numbers; or a Problem itself.
+        first: case for which the NLP is prepared. Always the same one, so that results do not depend on which case
+            comes first in a process.
+        measure: of a solution, returns name -> number.
+        scheme, grid, solver: as for `ocp.solve`.
+        polished, neighbours, checked, slopes, compiled: as for `ocp.Study`.
+    """
+
+    identity: str
+    function: Any
+    first: Case
+    measure: Callable[[Solution], Mapping[str, float]]
+    scheme: Scheme | None
+    grid: Grid | None
+    solver: Ipopt
+    polished: bool
+    neighbours: bool
+    checked: float
+    slopes: bool
+    compiled: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCase:
+    """A stored case whose solution is the initial guess of another one.
+
+    Args:
+        id: identity of the case.
+        case: name -> value.
+        content: of its solution file.
+    """
+
+    id: str
+    case: Case
+    content: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCase:
+    """A case to be computed.
+
+    Args:
+        id: identity of the case.
+        case: name -> value.
+        neighbour: solved case that is the initial guess, or None.
+        structure: case whose switching structure the neighbour has, or None.
+        attempts: how often the case has been tried, this time included.
+        thorough: whether the whole ladder of initial guesses is tried.
+    """
+
+    id: str
+    case: Case
+    neighbour: SolvedCase | None = None
+    structure: SolvedCase | None = None
+    attempts: int = 1
+    thorough: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The solution of a case and how it was computed: a Solution, or a SequenceSolution for a sequence of phases."""
+
+    solution: Any
+    way: str
+    structure: str | None = None
+    note: str = ""
+
+
+class CaseSolver:
+    """Solves the cases of one study in one process, with the NLP and the arc NLPs cached.
+
+    Args:
+        settings: of the study.
+    """
+
+    def __init__(self, settings: StudySettings) -> None:
+        self.settings = settings
+        self._prepared: Prepared | None = None
+        self._structures: OrderedDict[str, PreparedStructure] = OrderedDict()
+
+    def solve(self, task: OpenCase, problem: Problem | Sequence, values: dict[str, float]) -> Solved:
+        """Solve the problem of a case.
+
+        Args:
+            task: the case.
+            problem: of the case.
+            values: of the parameters of the problem.
+        """
+        prepared = self._nlp(problem, values)
+        ladder = DEFAULT if task.thorough else SHORT_LADDER
+        if isinstance(problem, Sequence):
+            return Solved(prepared(ladder, values), "cold")
+        result, note = self._from_neighbour(task, problem, prepared, values)
+        if result is None:
+            return replace(self._polished(task, prepared(ladder, values), "cold"), note=note)
+        if not self.settings.neighbours or not is_checked(task.id, self.settings.checked):
+            return replace(result, note=note)
+        return replace(self._better(task, result, prepared(ladder, values)), note=note)
+
+    def _from_neighbour(
+        self, task: OpenCase, problem: Problem, prepared: Prepared, values: dict[str, float]
+    ) -> tuple[Solved | None, str]:
+        """Return the solution that starts from the neighbour, None if there is none, and a note for the message."""
+        if task.neighbour is None or not self.settings.neighbours:
+            return None, ""
+        near, note = decode(task.neighbour.content, problem, task.neighbour.id), ""
+        if task.structure is not None and self.settings.polished and near.structure is not None:
+            carried = self._arc_nlp(task.structure)(values, problem, near)
+            if carried.ok and carried.structure is not None:
+                return Solved(carried, "carried", task.structure.id), ""
+            note = f"structure not carried over: {carried.message}"
+        warm = prepared.proceed(near, values)
+        if warm.ok:
+            return self._polished(task, warm, "warm"), note
+        return None, f"{note}; warm start: {warm.message}".removeprefix("; ")
+
+    def _better(self, task: OpenCase, result: Solved, cold: Solution) -> Solved:
+        """Return the better one of the solution from a neighbour and the one from a cold start, and say which."""
+        allowed = BETTER * abs(result.solution.cost)
+        if not cold.ok or cold.cost >= result.solution.cost - allowed:
+            return replace(result, way=f"{result.way}, checked")
+        fair = self._polished(task, cold, "cold")  # so that both are polished, or none
+        if fair.solution.cost >= result.solution.cost - allowed:
+            return replace(result, way=f"{result.way}, checked")
+        return replace(fair, way=f"cold, better than {result.way}")
+
+    def _polished(self, task: OpenCase, solution: Solution, way: str) -> Solved:
+        if not (self.settings.polished and solution.ok):
+            return Solved(solution, way)
+        fine = polish(solution)
+        return Solved(fine, way, task.id) if fine.structure is not None else Solved(fine, f"{way}, unpolished")
+
+    def _nlp(self, problem: Problem | Sequence, values: dict[str, float]) -> Prepared:
+        """Return the cached NLP with the limits and ends of a problem, or a new NLP if its equations differ."""
+        given = self.settings
+        if self._prepared is None:
+            first, nominal = call(given.function, given.first)
+            self._prepared = prepare(
+                first, given.scheme, given.grid, given.solver, values=nominal, compiled=given.compiled
+            )
+        try:
+            return self._prepared.adapted(problem, None)
+        except ValueError:
+            return prepare(problem, given.scheme, given.grid, given.solver, values=values)
+
+    def _arc_nlp(self, origin: SolvedCase) -> PreparedStructure:
+        """Return the arc NLP with the switching structure of a solved case, from the cache if it is there."""
+        if origin.id not in self._structures:
+            problem, _ = call(self.settings.function, origin.case)
+            self._structures[origin.id] = prepare_structure(decode(origin.content, problem, origin.id))
+            while len(self._structures) > KEPT:
+                self._structures.popitem(last=False)
+        self._structures.move_to_end(origin.id)
+        return self._structures[origin.id]
+
+
+def is_checked(identity: str, share: float) -> bool:
+    """Return whether a case belongs to the share that is solved cold as well; the same cases in every run."""
+    return int(identity[:8], 16) < share * 2**32
+
+
+def call(function: Any, case: Case) -> tuple[Any, dict[str, float]]:
+    """Call the function of a study with the values of a case.
+
+    Args:
+        function: of keyword arguments, or a Problem, which takes none. A dot in a name may be an underscore in the
+            function: payload.mass is passed as payload_mass.
+        case: name -> value.
+
+    Returns:
+        What the function returned, and the values that it does not take: those of parameters of the problem.
+
+    Raises:
+        TypeError: a value that the function does not take and that cannot be a parameter of what it returned.
+    """
+    if isinstance(function, Problem | Sequence):
+        return function, _numbers(case)
+    taken, rest = {}, {}
+    names, any_name = _arguments(function)
+    for name, value in case.items():
+        argument = name if name in names else name.replace(".", "_")
+        if argument in names or any_name:
+            taken[argument if argument in names else name] = value
+        else:
+            rest[name] = value
+    returned = function(**taken)
+    if rest and not isinstance(returned, Problem | Sequence):
+        raise TypeError(f"the function takes no {', '.join(rest)}; it takes {', '.join(names) or 'nothing'}")
+    return returned, _numbers(rest)
+
+
+def _arguments(function: Any) -> tuple[tuple[str, ...], bool]:
+    """Return the names of the arguments of a function, and whether it takes any others by **name."""
+    parameters = inspect.signature(function).parameters.values()
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return tuple(p.name for p in parameters if p.kind in kinds), any(p.kind is p.VAR_KEYWORD for p in parameters)
+
+
+def _numbers(values: Case) -> dict[str, float]:
+    for name, value in values.items():
+        if isinstance(value, str | tuple | bool):
+            shown = checks.shown(value)
+            raise TypeError(f"{name} is {shown}, expected a number as the value of a parameter of the problem")
+    return {name: float(value) for name, value in values.items()}  # type: ignore[arg-type]
