@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
@@ -25,6 +26,8 @@ def figure(result: Answers) -> Figure:
 def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[Figure]]:
     def measure() -> Iterator[Figure]:
         for call in package():
+            if call.needs and importlib.util.find_spec(call.needs) is None:
+                continue
             call()  # the valid call is one
             if call.arguments:
                 yield figure((*answers(call), *extremes(call)))

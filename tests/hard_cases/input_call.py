@@ -76,12 +76,14 @@ class Call:
         function: what is called, with keyword arguments.
         arguments: of the call, by name.
         read: what is done with the result, such as taking the first rung of an iterator.
+        needs: optional library without which the function raises ImportError, or "".
     """
 
     name: str
     function: Callable[..., object]
     arguments: Mapping[str, Argument] = field(default_factory=dict)
     read: Callable[..., object] = lambda result: result
+    needs: str = ""
 
     def __call__(self, **changes: object) -> object:
         """Return what the call returns, with some arguments replaced."""

@@ -108,7 +108,7 @@ def studies() -> tuple[Call, ...]:
         Call("StudyTable.solution", table.solution, {"number": number, "problem": A(example.cart(), OPTIONAL)}),
         Call("StudyTable.write_csv", table.write_csv, {"path": A(folder / "table.csv", frozenset({"text"}))}),
         Call("StudyTable.write_parquet", table.write_parquet, {
-            "path": A(folder / "table.parquet", frozenset({"text"}))}),
+            "path": A(folder / "table.parquet", frozenset({"text"}))}, needs="pyarrow"),
         Call("ocp.influence.influences", influences, result),
         Call("ocp.influence.jumps", jumps, result),
     )  # fmt: skip

@@ -78,8 +78,8 @@ def test_another_process_finds_the_same():
     root = Path(__file__).parents[2]
     code = "from test_identity import digest, task, scaled; print(digest(task(), scaled))"
     found = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root / "tests",
-        env={"PYTHONPATH": f"{root}:{root / 'tests'}", "PYTHONHASHSEED": "7"},
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root,
+        env={"PYTHONPATH": f"{root}:{Path(__file__).parent}", "PYTHONHASHSEED": "7"},
     )  # fmt: skip
     assert found.stdout.strip() == digest(task(), scaled)
 

@@ -16,6 +16,7 @@ from ocp.studies.case_result import CaseResult
 from ocp.studies.store import APPLICATION, SCHEMA, Store, StoreError
 
 ROOT = Path(__file__).parents[2]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
 
 
 def record(name, **changes):
@@ -92,7 +93,7 @@ def test_the_file_says_what_it_is_even_before_the_log_is_merged(tmp_path):
         "import os, signal, sys; from ocp.studies.store import Store; from test_store import record\n"
         f"store = Store({str(path)!r}); store.finish('study', record('one')); os.kill(os.getpid(), signal.SIGKILL)"
     )
-    killed = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False)
+    killed = subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False)
     assert killed.returncode == -signal.SIGKILL
     head = path.read_bytes()[:100]
     assert int.from_bytes(head[68:72], "big") == APPLICATION
@@ -208,8 +209,8 @@ def test_no_store_and_no_file(tmp_path):
 
 FULL = """
 import resource, signal, sys
-from ocp.store import Store, StoreError
-from tests.test_store import record
+from ocp.studies.store import Store, StoreError
+from test_store import record
 path, count = sys.argv[1], 0
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 with Store(path) as store:
@@ -227,7 +228,7 @@ with Store(path) as store:
 def test_a_full_disk_loses_nothing_that_was_stored(tmp_path):
     path = tmp_path / "s.db"
     found = subprocess.run(
-        [sys.executable, "-c", FULL, str(path)], cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-c", FULL, str(path)], env=ENVIRONMENT, capture_output=True, text=True, check=True
     )
     count, _, message = found.stdout.partition(" ")
     assert "cannot be written" in message

@@ -69,7 +69,7 @@ def test_a_broken_executor_of_the_user_is_told_and_the_rest_goes_on_later(tmp_pa
     assert len(study.run(lambda: ProcessPoolExecutor(1)).failures) == 1
 
 
-KILLED = "from pathlib import Path; from studies import squares; squares(Path({folder!r}), {count}).run()"
+KILLED = "from pathlib import Path; from catalogue.studies import squares; squares(Path({folder!r}), {count}).run()"
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def _stored(folder, identity=None):
 
 POOL = """
 from concurrent.futures import ProcessPoolExecutor
-from studies import wide
+from catalogue.studies import wide
 if __name__ == "__main__":
     wide({store!r}).run(lambda: ProcessPoolExecutor(2))
 """
