@@ -22,8 +22,12 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.system import System
 
-# Packages of this program; each tells in released_modules.py what release 0.1.0 kept where.
-OWN = ("models", "ocp", "reports")
+# Packages of this program -> module that lists where release 0.1.0 kept their classes and functions.
+OWN = {
+    "models": "models.scenes.released_modules",
+    "ocp": "ocp.studies.released_modules",
+    "reports": "reports.released_modules",
+}
 # Code of these is known by the version of the package.
 KNOWN = ("builtins", "casadi", "models", "numpy", "ocp")
 
@@ -147,7 +151,7 @@ def _module(value: Any) -> str:
 def _released(top: str) -> dict[str, str]:
     """Return qualified name -> module of release 0.1.0 for what that release had in a package."""
     try:
-        modules: Mapping[str, str] = importlib.import_module(f"{top}.released_modules").MODULES
+        modules: Mapping[str, str] = importlib.import_module(OWN[top]).MODULES
     except ImportError:  # a package of the user with the same name
         return {}
     return {name: module for module, names in modules.items() for name in names.split()}
