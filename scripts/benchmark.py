@@ -30,8 +30,8 @@ import numpy as np
 from benchmarks.problems import CASES, Case, Outcome, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from pictures.files import finish
 
+from models.plots.style import saved
 from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 
 GRIDS = (25, 50, 100, 200, 400, 800)
@@ -265,7 +265,7 @@ def draw(results: Results, path: Path) -> None:
     handles = [Line2D([], [], color=COLOURS[name], marker="o", markersize=3, label=name) for name in shown]
     handles.append(Line2D([], [], color="#555555", linestyle=":", label="set-up alone"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
-    finish(figure, path, dpi=130)
+    saved(figure, path, dpi=130)
 
 
 def curve(axis: Axes, results: Results, problem: str, column: str, style: str) -> None:

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pictures import study as picture_study
 from reports import study_file
 
+from models.plots import studies
 from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
 from ocp.studies.executors import KINDS, executor
@@ -169,7 +169,7 @@ def _write(table: StudyTable, options: argparse.Namespace, name: str, units: dic
     for path in files:
         (table.write_parquet if path.suffix == ".parquet" else table.write_csv)(path)
     if any(table.ok):
-        files += picture_study.draw(table, options.result, options.output / stem, units)
+        files += studies.draw(table, options.result, options.output / stem, units)
     return files
 
 

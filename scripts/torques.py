@@ -17,13 +17,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from pictures import torques as torque_picture
 from reports.motion_file import read_motion
 
 from models import Envelope, Manipulator, Motion, Scene, TorqueTable, inverse_dynamics, write_code, write_function
 from models.effects import Gravity, Payload, Viscous
 from models.mechanics.terms import Effect
 from models.motions.ros_trajectory import as_trajectory
+from models.plots.tables import torques as draw_torques
 from models.scenes import catalogue
 from models.scenes.scene_file import read_scene
 from models.scenes.toml_document import read_document
@@ -192,7 +192,7 @@ def write(options: argparse.Namespace, motion: Motion, table: TorqueTable, accou
         (part / "torques.json").write_text(json.dumps(_finite(account), indent=2, allow_nan=False), encoding="utf-8")
         if not options.no_picture:
             raw = raw_torques(motion, table) if options.compare else None
-            torque_picture.draw(table, raw, part / "torques.png")
+            draw_torques(table, raw, part / "torques.png")
         if options.export:
             names = [c.name for c in table.machine.coordinates]
             message = as_trajectory(table.t, table.q, table.v, table.a, names)

@@ -12,9 +12,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from pictures.files import finish
 
 from accuracy_bill.pareto_front import Curve, Point, front
+from models.plots.style import saved
 
 MARKERS = "osD^v<>pPX*hd"
 Half = tuple[Sequence[Curve], float, str, str, str]  # the arguments of `diagram` after the axes
@@ -69,7 +69,7 @@ def write(path: Path, halves: Sequence[Half], title: str) -> None:
     for axes, half in zip(places[0], halves, strict=True):
         diagram(axes, *half)
     figure.suptitle(title, fontsize=11)
-    finish(figure, path)
+    saved(figure, path)
 
 
 def _drawable(point: Point) -> bool:

@@ -15,12 +15,12 @@ from pathlib import Path
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
-from pictures.files import finish
 
 from models import Manipulator
 from models.forms import canonical, hamel, lagrange
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
+from models.plots.style import saved
 from ocp import Solution, System, integrators, simulate
 from ocp.checks import Array
 from ocp.integrators.contracts import Method
@@ -261,4 +261,4 @@ def draw(table: Table, path: Path) -> None:
     axes[0][0].set_ylabel("seconds of one simulation")
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", fontsize=8, frameon=False)
-    finish(figure, path, dpi=130)
+    saved(figure, path, dpi=130)

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pictures.solution import phases
 
 from models import Scene
 from models.mechanics.terms import name_of
+from models.plots.signals import phases
 from models.scenes.task import Task
 from ocp import Grid, SequenceSolution, Solution, Status, Timings, radau, solve, verify
 from reports.motion_table import at_points, finite

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from pictures.solution import phases
 
 from models import Manipulator, Scene, recover
+from models.plots.signals import phases
 from ocp import SequenceSolution, Solution, System
 from ocp.numerics.files import written_whole
 

@@ -4,11 +4,15 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
+import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from catalogue import problems
-from pictures import structure as picture_structure
+from matplotlib.colors import to_rgb
 
+from models import plots
+from models.plots import structures
 from ocp import Bolza, Free, Problem, System, along, end, polish, solve, start, uniform
 from ocp.arcs.arcs import merged, tabulate
 from ocp.arcs.detection import contacts, read
@@ -26,6 +30,7 @@ from ocp.arcs.state_limit_multipliers import Jump
 from ocp.problem.state_constraints import state_limits
 from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
 
+matplotlib.use("Agg")
 LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING
 HELD, TOUCHED = Contact(0, 1, 0), Contact(0, 1)
 RIGHT = Certificate(0.0, (), (), (), ())
@@ -258,26 +263,59 @@ def test_contact_of_a_limit_without_order_is_not_added():
     assert with_contact(arcs, Crossing(TOUCHED, 1.2, 1.6, 1.5, 1e-3), limits) == arcs
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf"])
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
 def test_picture_of_a_structure_is_written(tmp_path, suffix):
     coarse = solve(AXIS, grid=uniform(20))
     path = tmp_path / f"structure.{suffix}"
     with pytest.raises(ValueError, match="no structure; polish it first"):
-        picture_structure.structure(coarse, path)
+        plots.structure(coarse, path)
     polished = polish(coarse)
     with pytest.raises(ValueError, match="loaded without its model"):
-        picture_structure.structure(replace(polished, problem=None), path)
+        plots.structure(replace(polished, problem=None), path)
     assert not path.exists()
-    picture_structure.structure(polished, path)
-    assert path.read_bytes().startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[suffix])
-    assert path.stat().st_size > 5000
-    assert picture_structure.plt.get_fignums() == []
+    plots.structure(polished, path)
+    assert path.read_bytes().startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[suffix])
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert plt.get_fignums() == []
+
+
+def test_picture_of_a_structure_shows_the_arcs_where_they_are():
+    """Bars of the panels of the control are the arcs of the table; curve, limits and switching function fit them."""
+    polished = polish(solve(AXIS, grid=uniform(20)))
+    figure = plots.structure(polished)
+    try:
+        control, switching, held, hamiltonian = figure.axes
+        arcs = [row for row in polished.structure.rows if row.name == control.get_ylabel().partition("\n")[0]]
+        assert [row.kind for row in arcs] == [UPPER, HOLDING, LOWER]
+        spans = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in control.patches]
+        np.testing.assert_allclose(spans, [(row.start, row.end) for row in arcs], rtol=1e-12)
+        colours = [bar.get_facecolor()[:3] for bar in control.patches]
+        np.testing.assert_allclose(colours, [to_rgb(structures.COLOURS[row.kind]) for row in arcs])
+        curve, *limits = (np.array(line.get_data()) for line in control.lines)
+        assert {float(line[1][0]) for line in limits} == {-60.0, 60.0}  # N, of the catalogue
+        inside = polished.u(curve[0])[:, 0]
+        away = np.min(np.abs(curve[0][:, None] - [row.end for row in arcs]), axis=1) > 1e-9
+        np.testing.assert_allclose(curve[1][away], inside[away], atol=1e-12)
+        t, value = switching.lines[-1].get_data()
+        for row in arcs[::2]:  # dH/du < 0 where the upper limit is optimal, > 0 where the lower one is
+            middle = (t > row.start + 1e-6) & (t < row.end - 1e-6)
+            assert np.all(np.sign(value[middle]) == {UPPER: -1.0, LOWER: 1.0}[row.kind])
+        (bar,) = held.patches
+        assert (bar.get_x(), bar.get_x() + bar.get_width()) == pytest.approx((arcs[1].start, arcs[1].end))
+        assert np.max(held.lines[0].get_data()[1]) == pytest.approx(1.2)
+        assert np.ptp(hamiltonian.lines[0].get_data()[1]) < 1e-7
+    finally:
+        plt.close(figure)
 
 
 def test_picture_of_touches_and_of_controls_without_limits(tmp_path):
     polished = polish(solve(problems.bryson_denham(0.2).problem, grid=uniform(20)))
-    assert Kind.TOUCH in {row.kind for row in polished.structure}
-    picture_structure.structure(polished, tmp_path / "touch.png")
+    touches = [row.start for row in polished.structure.rows if row.kind is Kind.TOUCH]
+    assert touches
+    figure = plots.structure(polished)
+    drawn = [line.get_xdata()[0] for axes in figure.axes for line in axes.lines if np.ptp(line.get_xdata()) == 0.0]
+    plt.close(figure)
+    np.testing.assert_allclose(sorted(drawn), sorted(touches))
 
 
 def test_control_without_limits_is_never_at_one():

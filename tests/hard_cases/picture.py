@@ -15,10 +15,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from pictures.files import finish
-from pictures.solution import FAINT, LIMIT
 
 from hard_cases.case import Figure, Finding
+from models.plots.style import FAINT, LIMIT, saved
 from ocp.checks import Array
 
 LEAST = 1e-18  # where zeros are drawn
@@ -53,7 +52,7 @@ def draw(findings: Sequence[Finding], path: Path) -> None:
         axes.set_title(kind[0], fontsize=10)
         axes.set_xlabel(towards, fontsize=8)
         axes.set_ylabel("\n".join(textwrap.wrap(quantity, 44)), fontsize=8)
-    finish(figure, path, dpi=110)
+    saved(figure, path, dpi=110)
 
 
 def _kind(finding: Finding) -> tuple[str, str, str]:

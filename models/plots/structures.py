@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from models.plots.signals import problem_of
+from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, saved
 from ocp import Problem, Solution
 from ocp.arcs.switching import switching_functions
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.structure import Kind, Row
-from pictures.files import finish
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION
 
 PLACES = np.linspace(0.0, 1.0, 17)  # on each element at which curves are drawn
 # Of the palette of Okabe and Ito, which the colour-blind tell apart.
@@ -40,7 +39,7 @@ WORDS = {
 }
 
 
-def structure(solution: Solution, path: str | os.PathLike[str]) -> None:
+def structure(solution: Solution, path: File | None = None) -> Figure:
     """Draw what every drive does and why, the limits of states that are met, and the Hamiltonian along the motion.
 
     Each drive: its control with its limits, over bars in the colour of its arcs; below it the switching function dH/du
@@ -49,17 +48,16 @@ def structure(solution: Solution, path: str | os.PathLike[str]) -> None:
 
     Args:
         solution: polished, with its problem.
-        path: of the picture; the suffix chooses the format.
+        path: of the picture (.png, .svg, .pdf); None leaves the figure open.
 
     Raises:
         ValueError: a solution without structure, or loaded without its problem.
         OSError: the picture cannot be written.
     """
-    if solution.problem is None:
-        raise ValueError("picture: this solution was loaded without its model; use load(path, problem=...)")
+    problem = problem_of(solution)
     if solution.structure is None:
         raise ValueError(f"picture: this solution has no structure; polish it first ({solution.message})")
-    problem, rows = solution.problem, solution.structure.rows
+    rows = solution.structure.rows
     labels = problem.system.label("u", problem.system.u.numel())
     met = [limit for limit in state_limits(problem) if any(row.name == limit.label.name for row in rows)]
     heights = [*[1.0, 0.8] * len(labels), *[0.8] * len(met), 0.8]
@@ -104,7 +102,7 @@ def structure(solution: Solution, path: str | os.PathLike[str]) -> None:
     arcs = len(solution.structure.arcs)
     words = f"Switching structure: {arcs} arc{'s' if arcs > 1 else ''}, $t_f$ = {solution.duration:.10g} s"
     figure.suptitle(words, fontsize=10)
-    finish(figure, Path(path))
+    return saved(figure, path)
 
 
 def _along(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:

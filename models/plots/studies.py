@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import matplotlib
-
-matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -17,10 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved
 from ocp import StudyTable
 from ocp.studies.main_effects import influences, jumps
-from pictures.files import finish
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, pretty
 
 MOST = 6  # panels of results
 SKIPPED = ("iterations", "cost")
@@ -28,7 +23,7 @@ FOLLOWS = 0.999  # correlation with an axis beyond which a result is not worth a
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class View:
     """A table, the result that is drawn first, and the units of its columns."""
 
     table: StudyTable
@@ -45,7 +40,7 @@ class _View:
         """Return the results to draw: the chosen one, then those that vary, and not only with one axis."""
         table = self.table
         rest = [name for name in table.results if name != self.result and name not in SKIPPED]
-        axes = [table[name][table.ok] for name in _numeric(table)]
+        axes = [table[name][table.ok] for name in numeric(table)]
         results = [self.result]
         for name in sorted((n for n in rest if not n.startswith("d ")), key=lambda n: n.startswith(("rms", "peak"))):
             y = table[name][table.ok]
@@ -55,35 +50,63 @@ class _View:
         return results[:MOST]
 
 
-def draw(table: StudyTable, result: str, stem: Path, units: Mapping[str, str]) -> list[Path]:
-    """Draw a study and what its result depends on.
+def study(
+    table: StudyTable, result: str = "duration", units: Mapping[str, str] | None = None, path: File | None = None
+) -> Figure:
+    """Draw results of a study: lines over one axis, contours over two, small multiples over three, else points.
+
+    Args:
+        table: with at least one solved case, and an axis of numbers that varies.
+        result: column that is drawn first.
+        units: of columns, by name.
+        path: of the picture (.png, .svg, .pdf); None leaves the figure open.
+
+    Raises:
+        ValueError: no case is solved, or no axis of numbers varies.
+        OSError: the file cannot be written.
+    """
+    names = numeric(table)
+    if not names or not table.ok.any():
+        raise ValueError("study: nothing to draw, expected a solved case and an axis of numbers that varies")
+    return saved(_kind(table)[1](View(table, result, units or {}), names), path)
+
+
+def draw(
+    table: StudyTable, result: str, stem: Path, units: Mapping[str, str], formats: Sequence[str] = ("png",)
+) -> list[Path]:
+    """Write the pictures of a study: its results, and what its result depends on.
 
     Args:
         table: with at least one solved case.
         result: column that is drawn first.
         stem: of the files, to which what they show is added.
         units: of columns, by name.
+        formats: suffixes of the files, such as png, svg, pdf.
 
     Returns:
         The pictures written.
     """
-    names = _numeric(table)
-    view = _View(table, result, units)
-    made = []
-    if len(names) == 1 and _is_grid(table, names):
-        made.append(_save(lines(view, names[0]), stem, "lines"))
-    elif len(names) == 2 and _is_grid(table, names):
-        made.append(_save(contours(view, names), stem, "contours"))
-    elif len(names) == 3 and _is_grid(table, names):
-        made.append(_save(multiples(view, names), stem, "multiples"))
-    elif names:
-        made.append(_save(scatter(view, names), stem, "scatter"))
-    if table.ok.sum() > len(names) > 0:
-        made.append(_save(ranking(view), stem, "ranking"))
+    names, view, made = numeric(table), View(table, result, units), []
+    for suffix in formats:
+        if names:
+            made.append(stem.with_name(f"{stem.name}_{_kind(table)[0]}.{suffix}"))
+            study(table, result, units, made[-1])
+        if table.ok.sum() > len(names) > 0:
+            made.append(stem.with_name(f"{stem.name}_ranking.{suffix}"))
+            saved(ranking(view), made[-1])
     return made
 
 
-def lines(view: _View, axis: str) -> Figure:
+def _kind(table: StudyTable) -> tuple[str, Callable[[View, Sequence[str]], Figure]]:
+    """Return what suits the axes of a study, and the function that draws it."""
+    kinds = {
+        1: ("lines", lambda view, names: lines(view, names[0])), 2: ("contours", contours), 3: ("multiples", multiples)
+    }  # fmt: skip
+    names = numeric(table)
+    return kinds[len(names)] if len(names) in kinds and is_grid(table, names) else ("scatter", scatter)
+
+
+def lines(view: View, axis: str) -> Figure:
     """Return the picture of results over one axis; gaps where cases failed."""
     table, result = view.table, view.result
     shown = view.shown()
@@ -108,7 +131,7 @@ def lines(view: _View, axis: str) -> Figure:
     return figure
 
 
-def contours(view: _View, names: Sequence[str]) -> Figure:
+def contours(view: View, names: Sequence[str]) -> Figure:
     """Return the picture of results over two axes, with the cases and how each was found."""
     shown = view.shown()
     figure, panels = _panels(len(shown))
@@ -119,7 +142,7 @@ def contours(view: _View, names: Sequence[str]) -> Figure:
     return figure
 
 
-def multiples(view: _View, names: Sequence[str]) -> Figure:
+def multiples(view: View, names: Sequence[str]) -> Figure:
     """Return contours over the two axes with most values, one panel for each value of the third."""
     table, result = view.table, view.result
     counts = {name: len(np.unique(table[name])) for name in names}
@@ -136,7 +159,7 @@ def multiples(view: _View, names: Sequence[str]) -> Figure:
     return figure
 
 
-def scatter(view: _View, names: Sequence[str]) -> Figure:
+def scatter(view: View, names: Sequence[str]) -> Figure:
     """Return the result over every axis, for cases that lie on no grid."""
     table, result = view.table, view.result
     figure, panels = _panels(len(names))
@@ -149,7 +172,7 @@ def scatter(view: _View, names: Sequence[str]) -> Figure:
     return figure
 
 
-def ranking(view: _View) -> Figure:
+def ranking(view: View) -> Figure:
     """Return bars of elasticities and main effects, the strongest on top.
 
     Raises:
@@ -171,7 +194,7 @@ def ranking(view: _View) -> Figure:
 
 
 def _contour(
-    figure: Figure, axes: Axes, view: _View, members: np.ndarray, names: Sequence[str], result: str,
+    figure: Figure, axes: Axes, view: View, members: np.ndarray, names: Sequence[str], result: str,
     marked: bool, levels: np.ndarray | int = 12,
 ) -> None:  # fmt: skip
     """Draw filled contours with isolines; cases that failed leave a hole."""
@@ -243,11 +266,12 @@ def _failed(axes: Axes, table: StudyTable, x: np.ndarray, y: np.ndarray | None) 
         axes.plot(x[bad], np.zeros(bad.sum()), "x", color=LIMIT, transform=axes.get_xaxis_transform(), clip_on=False)
 
 
-def _numeric(table: StudyTable) -> list[str]:
+def numeric(table: StudyTable) -> list[str]:
+    """Return the axes that hold numbers and vary."""
     return [name for name in table.axes if table[name].dtype.kind in "if" and len(np.unique(table[name])) > 1]
 
 
-def _is_grid(table: StudyTable, names: Sequence[str]) -> bool:
+def is_grid(table: StudyTable, names: Sequence[str]) -> bool:
     """Whether the cases stand on a grid: few values on every axis."""
     counts = [len(np.unique(table[name])) for name in names]
     return len(names) == 1 or int(np.prod(counts)) <= len(table)
@@ -267,9 +291,3 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
     for axes in grid.ravel()[count:]:
         axes.set_visible(False)
     return figure, list(grid.ravel()[:count])
-
-
-def _save(figure: Figure, stem: Path, what: str) -> Path:
-    path = stem.with_name(f"{stem.name}_{what}.png")
-    finish(figure, path)
-    return path

@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import matplotlib
-
-matplotlib.use("Agg")
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from models import TorqueTable
-from pictures.files import finish
-from pictures.solution import ACCENT, FAINT, LIMIT, MOTION, pretty
+from models.plots.signals import skeleton
+from models.plots.space import draw_space
+from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved, styled
+from models.torques.torque_table import TorqueTable
+from ocp.checks import Array
 
 MOST = 4000  # points drawn of one curve
+PATH = 400  # points drawn of the path of the tool
 COLOURS = ("#4c9f70", "#8e6bbf", "#c4683f", "#3f8fc4", "#a0822e", "#5b6770", "#b04f86")
 
 
-def draw(table: TorqueTable, raw: np.ndarray | None, path: Path) -> None:
-    """Draw a torque table.
+def torques(table: TorqueTable, raw: Array | None = None, path: File | None = None) -> Figure:
+    """Draw a torque table: torques with their split, power, the torque-speed plane, the arm in space.
 
     Args:
         table: with its limits, split and uncertainty.
-        raw: (K, n) torques from raw differences, to compare with, or None.
-        path: of the picture; the suffix chooses the format.
+        raw: (K, n) torques from raw differences of the samples, to compare with, or None [N m or N].
+        path: of the picture (.png, .svg, .pdf); None leaves the figure open.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     n = len(table.machine.coordinates)
-    figure = plt.figure(figsize=(16.0, 2.3 * n + 1.2), layout="constrained")
-    grid = figure.add_gridspec(n, 4, width_ratios=(1.5, 1.1, 1.1, 1.3))
+    figure = plt.figure(figsize=(18.0, max(2.3 * n, 5.6) + 1.2), layout="constrained")
+    grid = figure.add_gridspec(n, 4, width_ratios=(1.5, 1.1, 1.1, 2.0))
     shown = np.unique(np.linspace(0, len(table.t) - 1, min(MOST, len(table.t))).round().astype(int))
     t = table.t[shown]
     for i, c in enumerate(table.machine.coordinates):
@@ -45,7 +46,8 @@ def draw(table: TorqueTable, raw: np.ndarray | None, path: Path) -> None:
             first.fill_between(t, low, high, color=MOTION, alpha=0.2, linewidth=0, label="tau, two standard deviations")
         for low, high in _spans(table, i):
             first.axvspan(low, high, color=LIMIT, alpha=0.15, linewidth=0)
-        _style(first, pretty(f"tau_{c.name} [{c.force_unit}]"), "torque and its parts" if i == 0 else "", i == n - 1)
+        last = "t [s]" if i == n - 1 else ""
+        styled(first, pretty(f"tau_{c.name} [{c.force_unit}]"), "torque and its parts" if i == 0 else "", last)
         if raw is not None:
             reach = 1.3 * np.max(np.abs([*table.split.values(), table.tau]), axis=(0, 1))[i]
             first.set_ylim(-reach, reach)
@@ -53,19 +55,21 @@ def draw(table: TorqueTable, raw: np.ndarray | None, path: Path) -> None:
         power = table.power[shown, i]
         second.fill_between(t, 0.0, np.maximum(power, 0.0), color=ACCENT, alpha=0.7, linewidth=0, label="motor")
         second.fill_between(t, 0.0, np.minimum(power, 0.0), color=COLOURS[0], alpha=0.7, linewidth=0, label="brake")
-        _style(second, "power [W]", "power" if i == 0 else "", i == n - 1)
+        styled(second, "power [W]", "power" if i == 0 else "", last)
         third = figure.add_subplot(grid[i, 2])
         _plane(third, table, i, shown)
-        _style(third, "", "torque over speed" if i == 0 else "", labelled=True, x=f"speed [{c.unit}/s]")
+        styled(third, "", "torque over speed" if i == 0 else "", f"speed [{c.unit}/s]")
         if i == 0:
             second.legend(fontsize=7, frameon=False)
             handles, labels = first.get_legend_handles_labels()
-    _tool(figure.add_subplot(grid[:, 3], projection="3d"), table, shown)
+    space = figure.add_subplot(grid[:, 3], projection="3d")
+    draw_space(space, skeleton(table.machine, table.q[shown[:: max(1, len(shown) // PATH)]]))
+    space.set_title("path of the tool, and the arm at seven times", fontsize=10)
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 8), fontsize=8, frameon=False)
     figure.suptitle(
         f"Torques of a motion of the {table.machine.name} manipulator, {table.t[-1] - table.t[0]:.5g} s", fontsize=11
     )
-    finish(figure, path, dpi=130)
+    return saved(figure, path, dpi=130)
 
 
 def _plane(axes: Axes, table: TorqueTable, i: int, shown: np.ndarray) -> None:
@@ -85,30 +89,8 @@ def _plane(axes: Axes, table: TorqueTable, i: int, shown: np.ndarray) -> None:
                 axes.axhline(sign * limit.continuous, color=LIMIT, linestyle=":", linewidth=0.9)
 
 
-def _tool(axes: Axes, table: TorqueTable, shown: np.ndarray) -> None:
-    tool = table.tool[shown]
-    axes.plot(*tool.T, color=ACCENT, linewidth=1.8)
-    axes.plot(*tool[:1].T, "o", color=MOTION, markersize=5)
-    axes.plot(*tool[-1:].T, "s", color=MOTION, markersize=6)
-    middle, half = (tool.max(axis=0) + tool.min(axis=0)) / 2.0, max(float(np.ptp(tool, axis=0).max()) / 2.0, 1e-6)
-    for axis, centre in zip("xyz", middle, strict=True):
-        getattr(axes, f"set_{axis}lim")(centre - 1.05 * half, centre + 1.05 * half)
-        getattr(axes, f"set_{axis}label")(f"{axis} [m]", fontsize=8)
-    axes.tick_params(labelsize=7)
-    axes.set_title("path of the tool, from circle to square", fontsize=10)
-
-
 def _spans(table: TorqueTable, i: int) -> list[tuple[float, float]]:
     return [(span.start, span.end) for span in table.loads[i].exceeded]
-
-
-def _style(axes: Axes, label: str, title: str, labelled: bool, x: str = "t [s]") -> None:
-    axes.set_ylabel(label, fontsize=9)
-    axes.set_title(title, fontsize=10)
-    axes.tick_params(labelsize=8)
-    axes.grid(visible=True, color="#e5e8eb", linewidth=0.6)
-    if labelled:
-        axes.set_xlabel(x, fontsize=9)
 
 
 def _cycle(count: int) -> list[str]:

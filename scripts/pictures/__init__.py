@@ -1,1 +1,0 @@
-"""Pictures of solutions, switching structures, studies and torques."""

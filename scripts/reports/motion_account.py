@@ -1,0 +1,94 @@
+"""What the command time_optimal prints about a motion: in words, and as plain data."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from models import Scene
+from models.effects import Gravity
+from models.mechanics.terms import name_of
+from models.plots.signals import phases
+from ocp import Report, SequenceSolution, Solution
+from reports.motion_table import finite
+from reports.verdict import Verdict
+
+Files = dict[str, Path]
+
+
+def named(scene: Scene) -> list[str]:
+    """Return the names of the effects of a scene."""
+    return [
+        f"gravity {e.g:g} m/s^2" if isinstance(e, Gravity) and isinstance(e.g, float) else name_of(e)
+        for e in scene.effects
+    ]
+
+
+def account(
+    solution: Solution | SequenceSolution, report: Report, difference: float, verdict: Verdict, files: Files
+) -> dict[str, object]:
+    """Return everything that the command prints as plain data."""
+    figures = ("drift", "drift_end", "violation", "hamiltonian", "hamiltonian_value", "switching", "energy")
+    legs = phases(solution)[0]
+    return {
+        "status": solution.status.name,
+        "message": solution.message,
+        "verified": verdict.ok,
+        "verdict": str(verdict),
+        "t_f": solution.duration,
+        "iterations": solution.iterations,
+        "elements": sum(len(leg.grid) for leg in legs),
+        "legs": [leg.duration for leg in legs],
+        **{name: finite(float(getattr(report, name))) for name in figures},
+        "torque_difference": finite(difference),
+        "seconds": vars(solution.timings),
+        "files": {kind: os.fspath(path) for kind, path in files.items()},
+    }
+
+
+def describe(
+    show: Callable[[str], None], solution: Solution | SequenceSolution, report: Report, difference: float | str,
+    verdict: Verdict, files: Files,
+) -> None:  # fmt: skip
+    """Print the compact account.
+
+    Args:
+        show: prints a line.
+        solution: of any status.
+        report: of `verify`.
+        difference: of the recovered torques, share of the limit; or why they were not recovered.
+        verdict: on the motion.
+        files: written.
+    """
+    spent = solution.timings
+    structure = solution.structure if isinstance(solution, Solution) else None
+    digits = 6 if structure is None else 10
+    show(f"verdict      {verdict}")
+    status = solution.status.name.lower()
+    show(f"t_f          {solution.duration:.{digits}f} s ({status}, {solution.iterations} iterations)")
+    if "polished" in solution.message:
+        show(f"polish       {solution.message.partition('; ')[2]}")
+    if np.isfinite(report.switching):
+        show(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
+    else:
+        show(
+            "above best   not estimated: limits that couple the drives (torque-speed, power) have no switching function"
+        )
+    if isinstance(solution, SequenceSolution):
+        show(f"legs         {', '.join(f'{leg.duration:.6f}' for leg in solution.phases)} s")
+    show(f"drift        {report.drift:.1e} of the range of its state, re-integrated at 1e-12")
+    where = f" ({report.violation.what})" if report.violation > 0.0 else ""
+    show(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
+    show(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")
+    if structure is not None:
+        show(f"structure\n{structure}")
+    show(f"energy       balance open by {report.energy:.1e}")
+    if isinstance(difference, str):
+        show(f"torques      those of the solution: {difference}")
+    else:
+        show(f"torques      recovered by Lagrange inverse dynamics, {difference:.1e} of the limit from the controls")
+    show(f"seconds      set-up {spent.setup:.3f}, derivatives {spent.derivatives:.3f}, solver {spent.solver:.3f}")
+    show(f"files        {', '.join(os.fspath(path) for path in files.values())}")

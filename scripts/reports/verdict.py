@@ -1,0 +1,76 @@
+"""The verdict on a solved motion in one sentence, with one cause and one remedy where it is not verified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ocp import Report, SequenceSolution, Solution
+
+AGREEMENT = 1e-8  # of recovered torques with those of the solution, share of the limit
+SMALL = 1e-3  # share of the duration below which a possible gain is not worth a finer grid
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What an engineer wants to know first."""
+
+    ok: bool
+    sentence: str
+    cause: str = ""  # the most important one, if not ok
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return self.sentence if self.ok else f"NOT VERIFIED: {self.cause}. Remedy: {self.remedy}"
+
+
+def verdict(solution: Solution | SequenceSolution, report: Report, difference: float) -> Verdict:
+    """Return the verdict on a motion.
+
+    Args:
+        solution: of any status.
+        report: of `verify`.
+        difference: of the recovered torques from those of the solution, share of the limit.
+    """
+    cause, remedy = _fault(solution, report, difference)
+    if not cause:
+        return Verdict(True, f"verified: {_accuracy(solution, report)}")
+    return Verdict(False, f"not verified: {cause}", cause, remedy)
+
+
+def _fault(solution: Solution | SequenceSolution, report: Report, difference: float) -> tuple[str, str]:
+    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
+    finer = f"a finer grid, --nodes {2 * max(len(leg.grid) for leg in legs)}"
+    if not solution.ok:
+        first, _, rest = solution.message.partition("; ")
+        return first, rest.split("; ")[-1] if rest else "change limits, ends or duration, and look at --card"
+    words = " ".join(report.failures)
+    if "drifts" in words:
+        return f"integrated with its own torques the motion drifts away by {report.drift:.1e} of the range", finer
+    if "limit is exceeded" in words:
+        what = f" ({report.violation.what})" if report.violation.what else ""
+        return f"a limit is exceeded by {100 * report.violation:.2g} % of its range between nodes{what}", finer
+    if "energy" in words:
+        return f"the energy balance is open by {report.energy:.1e}", finer
+    if "Hamiltonian" in words or "switching" in words:
+        gain = report.switching if np.isfinite(report.switching) else report.hamiltonian_offset
+        return f"the motion could still gain about {100 * gain:.2g} % of its cost", f"--polish, or {finer}"
+    if not difference <= AGREEMENT:
+        return f"the recovered torques differ from the controls by {difference:.1e} of the limit", finer
+    return words, finer if words else ""
+
+
+def _accuracy(solution: Solution | SequenceSolution, report: Report) -> str:
+    limits = f"limits are kept to {_percent(max(float(report.violation), 0.0))} of their range"
+    if isinstance(solution, Solution) and solution.structure is not None:
+        return f"{limits}, and the switching times are exact"
+    if not np.isfinite(report.switching):
+        return limits
+    gain = max(float(report.switching), 0.0)
+    advice = "" if gain < SMALL else "; --polish finds it"
+    return f"{limits}, and at most about {_percent(gain)} of the cost is left to gain nearby{advice}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share >= 1e-6 else "less than 0.0001 %"
