@@ -344,6 +344,6 @@ def test_nothing_depends_on_the_order_in_which_parameter_values_are_given(tmp_pa
     assert (other.duration, other.structure) == (one.duration, one.structure)
     pictures = []
     for name, solution in (("one", one), ("other", replace(one, values=dict(reversed(one.values.items()))))):
-        picture_structure.structure(solution, tmp_path / f"{name}.png")
+        plots.structure(solution, tmp_path / f"{name}.png")
         pictures.append((tmp_path / f"{name}.png").read_bytes())
     assert pictures[0] == pictures[1]
