@@ -2,8 +2,9 @@
 
 from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.refinement import solve_to_accuracy
+from ocp.accuracy.report import Report
 from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
-from ocp.accuracy.verification import Report, verify
+from ocp.accuracy.verification import verify
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
 from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate

@@ -1,4 +1,4 @@
-"""Errors of a solution, estimated from the solution alone."""
+"""A-posteriori error estimate of a solution, from the solution alone."""
 
 from __future__ import annotations
 
@@ -15,30 +15,31 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_problem
-from ocp.solution.integration_drift import MORE, _accumulated, _propagated
+from ocp.solution.integration_drift import MORE, accumulated, propagated
 from ocp.solution.solution import Solution, Status
 
-PANELS, PER_PANEL = 8, 3  # of every element, for integrands with kinks
-SAFETY = 2.0  # the estimate is of first order, and asymptotically right for smooth problems
-ROUNDING = 1e-12  # share of the cost below which no error is claimed
+PANELS, PER_PANEL = 8, 3  # panels of every element and Gauss points of each, for integrands with kinks
+SAFETY = 2.0  # factor: the estimate is of first order, asymptotically exact for smooth problems
+ROUNDING = 1e-12  # share of the cost that is added for rounding
 
 
 def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
-    """Estimate the errors of a solution without knowing the answer.
+    """Estimate the errors of cost, duration and states of a solution; the optimum need not be known.
 
-    With lambda = dJ/dx the motion found is an optimal one of a disturbed problem, and every disturbance has a price:
+    The computed motion is an optimal motion of a perturbed problem. With the costate lambda = dJ/dx, each perturbation
+    changes the cost, to first order, by
 
         J* = J + D - G + O + V,
         D = sum_k lambda(t_k+1) . (phi_k(x_k) - x_k+1) + integral of running dt - its quadrature,
         G - O = integral of H(x, u, lambda) - min over allowed u of H(x, u, lambda) dt,
-        V = sum of multipliers of limits of states times the excess between the nodes,
+        V = sum of the multipliers of state limits times the excess over the limits between the nodes.
 
-    phi_k the motion over element k from x_k under the control found, by Gauss collocation of higher order (one step
-    of Newton's method from the interpolant); in G the multipliers of limits of states are spread over their elements
-    (`ocp.accuracy.even_multipliers`). `cost` is twice the sum of |D|, G, O, V and what the solver left: right
-    to first order in the disturbances, no proof; docs/calibration.md holds it against known optima. It is about a
-    local optimum and does not see other ones. A free duration that is not the cost itself is taken to be as wrong,
-    relatively, as the cost times the order of the scheme.
+    phi_k is the motion over element k from x_k under the computed control, by Gauss collocation of higher order (one
+    step of Newton's method from the interpolant). In G the multipliers of state limits are redistributed over their
+    elements (`ocp.accuracy.even_multipliers`). `cost` is twice the sum of |D|, G, O, V and the complementarity error
+    of the solver. The estimate holds to first order and is not a proven bound; docs/calibration.md compares it with
+    known optima. It refers to a local optimum; other optima are not considered. If the cost is not the duration
+    itself, the relative error of a free duration is taken as that of the cost times the order of the scheme.
 
     Args:
         solution: of any status.
@@ -70,23 +71,23 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     local, transition, running = _reintegrated(solution, problem)
     at_end = (solution.scheme.costate_at(np.ones(1)) @ solution.costates)[:, 0]
     dynamics = np.sum(at_end * local, axis=1) + running
-    away = _accumulated(local, transition)
+    away = accumulated(local, transition)
     tau, weights = _panels()
-    result, adjoint = minimise(solution, problem, tau), even(solution, problem)
-    best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else result
+    given, adjoint = minimise(solution, problem, tau), even(solution, problem)
+    best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else given
     gap = (best.value - best.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
     optimality, overshoot = np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
     optimality += adjoint.slack
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
-    turnover = float(solution.duration * (result.size.reshape(count, -1) @ weights @ solution.grid.widths))
-    size = max(abs(solution.cost), turnover)
+    turnover = float(solution.duration * (given.scale.reshape(count, -1) @ weights @ solution.grid.widths))
+    scale = max(abs(solution.cost), turnover)
     cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
-    cost += ROUNDING * size
+    cost += ROUNDING * scale
     return Errors(
         cost, _of_duration(cost, solution, problem), np.max(np.abs(away), axis=0), float(dynamics.sum()),
         float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), left,
-        _spread(result, weights, solution, problem), parts, np.abs(local), away, labels,
+        _variation(given, weights, solution, problem), parts, np.abs(local), away, labels,
     )  # fmt: skip
 
 
@@ -106,52 +107,54 @@ def _of_duration(cost: float, solution: Solution, problem: Problem) -> float:
 
 
 def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
-    """Return phi_k(x_k) - x_k+1 (N, nx), its derivative by x_k (N, nx, nx), and the error of the running cost (N,)."""
+    """Return phi_k(x_k) - x_k+1 (N, nx), d phi_k/dx_k (N, nx, nx), quadrature errors of the running cost (N,)."""
     system, scheme, running = problem.system, solution.scheme, problem.minimise.running
-    local, transition, delta = _propagated(solution, problem)
+    local, transition, delta = propagated(solution, problem)
     count, m, nx = delta.shape[:3]
     nodes, weights = polynomials.leggauss(scheme.degree + MORE)
     outputs = [ca.densify(running), ca.densify(ca.jacobian(running, system.x))]
     function = ca.Function("running", [system.x, system.u, system.p], outputs)
     p = solution.parameters[:, None]
     _, x, _, u = solution.samples((nodes + 1.0) / 2.0)
-    price, price_slope = (np.array(o) for o in function.map(len(x))(x.T, u.T, np.tile(p, len(x))))
-    exact = price.reshape(count, m) @ (weights / 2.0)
-    exact = exact + np.einsum("j,kja,kja->k", weights / 2.0, price_slope.reshape(count, m, nx), delta[..., 0])
+    rate, gradient = (np.array(o) for o in function.map(len(x))(x.T, u.T, np.tile(p, len(x))))
+    exact = rate.reshape(count, m) @ (weights / 2.0)
+    exact = exact + np.einsum("j,kja,kja->k", weights / 2.0, gradient.reshape(count, m, nx), delta[..., 0])
     _, x, _, u = solution.samples(scheme.points)
     discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[0]).reshape(count, -1) @ scheme.weights
     return local, transition, solution.duration * solution.grid.widths * (exact - discrete)
 
 
 def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:
-    """Return the excess of states over their limits between the nodes, priced, of every element; and what is left."""
+    """Return the cost of state limits exceeded between the nodes, of every element, and the complementarity error."""
     held = solution.multipliers
     count = len(solution.grid)
-    priced = np.zeros(count)
+    cost = np.zeros(count)
     low, high = problem.limits(Where.ALONG, problem.system.x)
     if held is None or not (np.isfinite(low).any() or np.isfinite(high).any()):
-        return priced, 0.0
+        return cost, 0.0
     left = 0.0
     _, x, _, _ = solution.samples(np.linspace(0.0, 1.0, PANELS * PER_PANEL + 1))
     inside = x.reshape(count, -1, len(low))
     for excess, sign in ((inside - high, 1.0), (low - inside, -1.0)):
         most = np.max(np.maximum(np.nan_to_num(excess, neginf=0.0), 0.0), axis=1)
-        # Conditions at both ends of the motion are bounds of the same unknowns, and are no limits along it.
+        # At the ends of the motion these multipliers belong to boundary values as well, which are bounds of the same
+        # unknowns.
         load = np.maximum(sign * held.x, 0.0)
         load[0, 0], load[-1, -1] = 0.0, 0.0
         away = np.abs(solution.states - (high if sign > 0.0 else low))
         left += float(np.sum((load * np.where(np.isfinite(away), away, 0.0))[:, 1:]))
         each = load.sum(axis=1)
         near = np.maximum(each, np.maximum(np.roll(each, 1, axis=0), np.roll(each, -1, axis=0)))
-        priced += np.sum(most * near, axis=1)
-    return priced, left
+        cost += np.sum(most * near, axis=1)
+    return cost, left
 
 
-def _spread(result: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:
+def _variation(result: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:
+    """Return the standard deviation of H from its constant value, relative to the mean of its terms."""
     shares = (solution.grid.widths[:, None] * weights).ravel()
     mean = float(shares @ result.value)
     horizon = problem.horizon
     free = isinstance(horizon, Free) and horizon.lower < solution.duration < horizon.upper
     target = -problem.minimise.time if free else mean
-    size = max(float(shares @ result.size), abs(problem.minimise.time), 1e-300)
-    return float(np.sqrt(shares @ (result.value - target) ** 2)) / size
+    scale = max(float(shares @ result.scale), abs(problem.minimise.time), 1e-300)
+    return float(np.sqrt(shares @ (result.value - target) ** 2)) / scale

@@ -1,4 +1,4 @@
-"""Costates where limits of states act: what a limit pushes, spread over the element on which it acts."""
+"""Costates under state limits: the multiplier of a limit, redistributed evenly over each element."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.transcription.schemes.scheme import Control
 
-NEAR = 1e-4  # share of its size within which a limit may act
+NEAR = 1e-4  # distance from a limit, relative to its scale, within which it may be active
 
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """Costates of a motion whose limits push evenly, and what that leaves.
+    """Costates after the multipliers of state limits have been redistributed within every element.
 
     Args:
         costates: (N, d, nx) at the collocation points.
-        slack: (N,) multipliers moved to places where the motion keeps a distance from its limit, times that distance,
-            of every element [cost].
-        moved: whether the costates are other ones than those of the motion.
+        slack: (N,) complementarity error that this causes on every element: moved multipliers times the distance from
+            the limit at the points to which they moved [cost].
+        moved: whether the costates differ from those of the solution.
     """
 
     costates: Array
@@ -37,26 +37,26 @@ class Adjoint:
 
 
 def even(solution: Solution, problem: Problem) -> Adjoint:
-    """Return costates for which limits of first order, c(x) <= c_max with dc/dt that depends on u, push evenly.
+    """Return costates with the multipliers of first-order state limits redistributed within every element.
 
-    An NLP holds a limit at single points. In an element with a constant control it binds at one of them, and its
-    multiplier makes lambda a saw there: right in the mean, wrong by what the limit pushes in between, and so are the
-    switching functions. Any other distribution of the multiplier,
+    A limit c(x) <= c_max is of first order if dc/dt depends on u. In an element with a constant control it is active
+    at a single collocation point. Its multiplier then makes the costate jump from point to point (a saw-tooth):
+    correct on average over the element, but not pointwise, and neither are the switching functions. Any other
+    distribution of the multiplier with the same integral,
 
         lambda + sum_c e_c(t) grad c(x),   integral of e_c over the element = 0,
 
-    certifies as well: to first order the cost lies above the optimum by at most the integral of
-    (H(u) - min H) + mu_c (c_max - c), for every lambda and mu_c >= 0 that the adjoint equation connects. Here e_c
-    makes the switching functions least on every element, in the mean square of what they are worth over the ranges of
-    the controls; by complementarity only the moved part of the multipliers, de_c/dt, has a slack to pay. That mu_c
-    stays positive is not enforced; on problems with a known optimum the bound holds (tests/test_adjoint.py).
+    gives a bound as well: to first order the cost exceeds the optimum by at most the integral of
+    (H(u) - min H) + nu_c (c_max - c), for every lambda and multiplier density nu_c >= 0 that satisfy the adjoint
+    equation. Here e_c minimises the mean square of the switching functions, each times the range of its control, on
+    every element. By complementarity only the moved part of the multipliers, de_c/dt, contributes to the second
+    term. nu_c >= 0 is not enforced; on problems with a known optimum the bound holds (tests/accuracy/test_adjoint.py).
 
-    With a control that is linear or collocated on an element, or a Hamiltonian that is curved in it, the costates stay
-    as they are: there the multipliers are no saw, and their switching functions tell what the shape of the control
-    costs.
+    Costates are returned unchanged for linear or collocated controls and where H is nonlinear in the controls: there
+    is no saw-tooth then, and the switching functions measure the error due to the shape of the control.
 
     Args:
-        solution: of any status; elements with numbers that are none are left alone.
+        solution: of any status; elements with NaN or infinite values are returned unchanged.
         problem: that it solves.
 
     Source: R. F. Hartl, S. P. Sethi, R. G. Vickson, A survey of the maximum principles for optimal control problems
@@ -65,12 +65,12 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     """
     scheme, (count, d, nx) = solution.scheme, solution.costates.shape
     slack, nu = np.zeros(count), problem.system.u.numel()
-    as_it_is = Adjoint(solution.costates, slack, False)
+    unchanged = Adjoint(solution.costates, slack, False)
     if d < 2 or scheme.control is not Control.CONSTANT:
-        return as_it_is
+        return unchanged
     function, low, high = _limits(problem)
     if not len(low):
-        return as_it_is
+        return unchanged
     _, x, _, u = solution.samples(scheme.points)
     given = x.T, u.T, np.tile(solution.parameters[:, None], len(x)), solution.costates.reshape(len(x), nx).T
     shapes: tuple[tuple[int, ...], ...] = ((len(low),), (len(low), nx), (nu,), (nu, len(low)))
@@ -78,42 +78,42 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
         np.array(part).T.reshape(count, d, *shape)
         for part, shape in zip(mapped(function, len(x)).call(given), shapes, strict=True)
     )
-    reach = _reach(problem, u)
-    size = np.where(np.isfinite(high - low), high - low, np.max(np.abs(values), axis=(0, 1)))
+    ranges = _control_ranges(problem, u)
+    scale = np.where(np.isfinite(high - low), high - low, np.max(np.abs(values), axis=(0, 1)))
     away = np.minimum(high - values, values - low)
     known = [np.all(np.isfinite(part.reshape(count, -1)), axis=1) for part in (values, gradients, slopes, authority)]
-    acts = (np.min(away, axis=1) <= NEAR * size) & np.all(known, axis=0)[:, None]
+    acts = (np.min(away, axis=1) <= NEAR * scale) & np.all(known, axis=0)[:, None]
     root = np.sqrt(np.abs(scheme.weights))
-    # Polynomials through the points without a mean, and their slopes.
+    # Basis of the polynomials through the points with zero mean, and their derivatives.
     free = np.linalg.svd(scheme.weights[None, :])[2][1:].T
     slope = slope_matrix(scheme.points, scheme.points) @ free
     costates = solution.costates.copy()
     for k in np.flatnonzero(acts.any(axis=1)):
         held = np.flatnonzero(acts[k])
-        pushed = root[:, None, None] * authority[k][:, :, held] * reach[:, None]
-        result = _least(pushed, root[:, None] * slopes[k] * reach, free)
+        effect = root[:, None, None] * authority[k][:, :, held] * ranges[:, None]
+        result = _least_squares(effect, root[:, None] * slopes[k] * ranges, free)
         costates[k] += np.einsum("aj,ij,iax->ix", result, free, gradients[k][:, held])
         slack[k] = np.sum(np.abs(np.einsum("aj,ij,i,ia->a", result, slope, scheme.weights, away[k][:, held])))
     return Adjoint(costates, slack, bool(acts.any()))
 
 
-def _least(pushed: Array, values: Array, free: Array) -> Array:
-    """Return the coefficients (a, d - 1) of e_c in `free` that make values + pushed e least.
+def _least_squares(effect: Array, values: Array, free: Array) -> Array:
+    """Return the coefficients (a, d - 1) of e_c in the basis `free` that minimise |values + effect e|.
 
     Args:
-        pushed: (d, nu, a) by which each e_c changes each value.
+        effect: (d, nu, a) derivative of each value with respect to each e_c.
         values: (d, nu) at the points.
-        free: (d, d - 1) values of polynomials at the points.
+        free: (d, d - 1) values of the basis polynomials at the points.
     """
-    matrix = np.einsum("iua,ij->iuaj", pushed, free)
-    size = np.maximum(np.sqrt(np.sum(matrix**2, axis=(0, 1, 3))), 1e-300)  # each limit has a unit of its own
-    matrix = (matrix / size[:, None]).reshape(values.size, -1)
+    matrix = np.einsum("iua,ij->iuaj", effect, free)
+    scale = np.maximum(np.sqrt(np.sum(matrix**2, axis=(0, 1, 3))), 1e-300)  # each limit has a unit of its own
+    matrix = (matrix / scale[:, None]).reshape(values.size, -1)
     result = np.linalg.lstsq(matrix, -values.ravel(), rcond=None)[0]
-    return np.asarray(result.reshape(len(size), -1) / size[:, None])
+    return np.asarray(result.reshape(len(scale), -1) / scale[:, None])
 
 
-def _reach(problem: Problem, u: Array) -> Array:
-    """Return the ranges (nu,) of the controls; what the motion uses where there is none."""
+def _control_ranges(problem: Problem, u: Array) -> Array:
+    """Return the widths (nu,) of the limits of the controls; without limits the largest value in the motion."""
     low, high = problem.limits(Where.ALONG, problem.system.u)
     used = np.max(np.abs(u), axis=0)
     return np.asarray(np.where(np.isfinite(high - low) & (high > low), high - low, np.where(used > 0.0, used, 1.0)))
@@ -121,9 +121,9 @@ def _reach(problem: Problem, u: Array) -> Array:
 
 @functools.lru_cache(maxsize=32)
 def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
-    """Return (x, u, p, lambda) -> c, grad c, dH/du, d(dc/dt)/du of the limits of first order, and both their sides.
+    """Return (x, u, p, lambda) -> c, grad c, dH/du, d(dc/dt)/du of the first-order limits, and their bounds.
 
-    None where H is curved in the controls.
+    Without limits if H is nonlinear in the controls.
     """
     system, rows = problem.system, []
     H = hamiltonian_of(problem)

@@ -15,7 +15,7 @@ from ocp.solution.solution import Solution
 
 
 class Tolerance(Protocol):
-    """What a solution may be wrong by."""
+    """An allowed error of a solution, in a unit of the user's choice."""
 
     @property
     def tol(self) -> float:
@@ -29,7 +29,7 @@ class Tolerance(Protocol):
 
     @property
     def what(self) -> str:
-        """What is measured, in words."""
+        """What is measured: the words used in messages."""
         ...
 
     def error(self, solution: Solution, errors: Errors) -> float:
@@ -37,7 +37,7 @@ class Tolerance(Protocol):
         ...
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
-        """Return what every element adds to the error (N,), in `unit`."""
+        """Return the part of every element (N,) in the error, in `unit`."""
         ...
 
 
@@ -58,7 +58,7 @@ class Cost:
         return errors.cost
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
-        """Return what every element adds to it (N,)."""
+        """Return the part of every element (N,) in it."""
         _check(solution, errors)
         return errors.elements
 
@@ -80,7 +80,7 @@ class Share:
         return errors.cost / max(abs(solution.cost), 1e-300)
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
-        """Return what every element adds to it (N,)."""
+        """Return the part of every element (N,) in it."""
         _check(solution, errors)
         return np.asarray(errors.elements / max(abs(solution.cost), 1e-300))
 
@@ -102,19 +102,19 @@ class Seconds:
         return errors.duration
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
-        """Return what every element adds to it (N,)."""
+        """Return the part of every element (N,) in it."""
         _check(solution, errors)
         return np.asarray(errors.elements * (errors.duration / max(errors.cost, 1e-300)))
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of states: where the motion claims to be against where its controls bring it.
+    """A signal of states: its drift, the distance between the solution and the motion re-integrated with its controls.
 
     Args:
         name: of a signal that depends on states only, such as "q"; its largest component counts.
         tol: in the unit of the signal.
-        unit: what to call it.
+        unit: of the signal, for messages.
     """
 
     name: str
@@ -135,17 +135,17 @@ class Signal:
         _check(solution, errors)
         if not np.isfinite(errors.cost):
             return float("inf")
-        return float(np.max(np.abs(self._of(solution, errors.drift[1:]))))
+        return float(np.max(np.abs(self._projected(solution, errors.drift[1:]))))
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return the local errors of the elements (N,)."""
         _check(solution, errors)
-        return np.asarray(np.max(np.abs(self._of(solution, errors.local)), axis=1))
+        return np.asarray(np.max(np.abs(self._projected(solution, errors.local)), axis=1))
 
-    def _of(self, solution: Solution, apart: Array) -> Array:
+    def _projected(self, solution: Solution, apart: Array) -> Array:
         problem = solution.problem
         if problem is None:
-            raise ValueError("Signal: this solution was loaded without its model; use load(path, problem=...)")
+            raise ValueError("Signal: this solution was loaded without its problem; use load(path, problem=...)")
         system = problem.system
         expression = ca.vec(system[self.name] if self.name != "x" else system.x)
         if ca.depends_on(expression, system.u):

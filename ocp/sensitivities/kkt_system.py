@@ -1,4 +1,4 @@
-"""The linearised conditions of optimality of an NLP (Karush, Kuhn, Tucker), as a banded matrix."""
+"""The linearised conditions of optimality of an NLP (Karush, Kuhn, Tucker) as a banded matrix."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from ocp.checks import Array
 from ocp.transcription.layout import Layout
 from ocp.transcription.nlp import Nlp
 
-DEPENDENT = 1e-11  # taken off the diagonal of the rows, so that rows may depend on each other; refined away
+# Subtracted from the diagonal of the constraint rows, which keeps the matrix regular if rows depend on each other;
+# iterative refinement removes its effect.
+DEPENDENT = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Values and derivatives of an NLP at one place."""
+    """Values and derivatives of an NLP at one point."""
 
     gradient: Array  # (nz,) of the cost
     g: Array  # (ng,)
@@ -26,12 +28,12 @@ class Evaluation:
 
 
 def conditions(nlp: Nlp, fixed: Array, rows: Array) -> Conditions:
-    """Return the linearised conditions of an NLP, kept for its other solutions.
+    """Return the structure of the linearised conditions of an NLP; cached for its other solutions.
 
     Args:
-        NLP: transcribed.
-        fixed: (nz,) whether an unknown has one value only.
-        rows: (k,) numbers of the rows that have limits.
+        nlp: transcribed.
+        fixed: (nz,) whether the bounds leave an unknown one value only.
+        rows: (k,) indices of the inequality rows.
     """
     functions = nlp.derivatives["hess_lag"], nlp.derivatives["jac_g"]
     return _conditions(functions, nlp.layout, len(nlp.grid), fixed.tobytes(), tuple(rows.tolist()))
@@ -46,88 +48,120 @@ def _conditions(
 
 
 def evaluate(nlp: Nlp, z: Array, s: Array, y: Array) -> Evaluation:
-    """Return cost gradient, rows and their derivatives."""
+    """Return cost gradient, constraint rows and their derivatives at z, for parameters s and multipliers y."""
     g, jacobian = nlp.derivatives["jac_g"](z, s)
     gradient = nlp.derivatives["grad_f"](z, s)[1]
     hessian = nlp.derivatives["hess_lag"](z, s, 1.0, y)
     return Evaluation(np.array(gradient).ravel(), np.array(g).ravel(), jacobian, hessian)
 
 
-class Conditions:
-    """The linearised conditions of an NLP: where their entries stand, once for all values.
+@dataclass(frozen=True, eq=False)
+class _Entries:
+    """Nonzeros of a square matrix (row, column), and the element of the grid that each unknown belongs to."""
 
-    An unknown that all elements share, such as the duration, would fill the factors; every element gets its own copy,
-    with the copies linked in a chain. In the order of time the matrix is then banded.
+    row: Array
+    column: Array
+    element: Array
+
+
+def _shared(layout: Layout, count: int) -> Array:
+    """Return whether each of `count` unknowns is shared by all elements: duration and free parameters."""
+    shared = np.zeros(count, dtype=bool)
+    shared[layout.horizon] = shared[layout.free] = True
+    return shared
+
+
+def _entries(
+    patterns: tuple[ca.Sparsity, ca.Sparsity], layout: Layout, elements: int, rows: Array
+) -> tuple[_Entries, Array]:
+    """Return the entries of the matrix in z, w and y, and whether each unknown belongs to a single element."""
+    nz, ng, k = layout.size, patterns[1].size1(), len(rows)
+    element = np.zeros(nz, dtype=int)
+    for number in range(elements):
+        element[layout.state[number]] = element[layout.control[number]] = number
+    shared = _shared(layout, nz)
+    (h_row, h_column), (j_row, j_column) = (np.array(p.get_triplet(), dtype=np.int64).reshape(2, -1)
+                                            for p in patterns)  # fmt: skip
+    upper = h_row != h_column
+    # A row belongs to the first element of which it has an unknown; a row of shared unknowns alone to the last.
+    row_of = np.full(ng, elements)
+    single = ~shared[j_column]
+    np.minimum.at(row_of, j_row[single], element[j_column[single]])
+    first = np.concatenate([element, np.minimum(row_of, elements - 1)[rows], np.minimum(row_of, elements - 1)])
+    narrow = np.append(~shared, np.append(np.ones(k, dtype=bool), row_of < elements))
+    start, slacks = nz + k, nz + np.arange(k)
+    entries = [
+        (h_row, h_column), (h_column[upper], h_row[upper]), (start + j_row, j_column), (j_column, start + j_row),
+        (start + rows, slacks), (slacks, start + rows), (np.arange(nz + k),) * 2, (start + np.arange(ng),) * 2,
+    ]  # fmt: skip
+    row, column = (np.concatenate([part[i] for part in entries]) for i in (0, 1))
+    return _Entries(row, column, first), narrow
+
+
+def _copied(entries: _Entries, shared: Array, fixed: Array, narrow: Array) -> tuple[_Entries, int]:
+    """Return the entries with a copy of every shared unknown for each element, and the number of links added.
+
+    A link is a row and a column that make two neighbouring copies equal.
+    """
+    row, column, element = entries.row, entries.column, entries.element
+    copies = len(shared)
+    links = []
+    for unknown in np.flatnonzero(shared):
+        if fixed[unknown]:
+            continue
+        by = row[column == unknown]
+        by = by[by < len(narrow)]
+        used_in = element[by[narrow[by]]]
+        low, high = (int(used_in.min()), int(used_in.max())) if len(used_in) else (0, 0)
+        mine = np.append(unknown, np.arange(copies, copies + high - low))
+        copies += high - low
+        element[unknown] = low
+        element = np.append(element, np.arange(low + 1, high + 1))
+        for index, other in ((row, column), (column, row)):
+            here = (index == unknown) & (other < len(shared))
+            here[here] = ~shared[other[here]]
+            index[here] = mine[np.clip(element[other[here]] - low, 0, high - low)]
+        links.append((mine[:-1], mine[1:], np.arange(low + 1, high + 1)))
+    before, after, at = (np.concatenate([np.zeros(0, dtype=int), *(link[i] for link in links)]) for i in range(3))
+    link = copies + np.arange(len(before))
+    row = np.concatenate([row, link, link, before, after])
+    column = np.concatenate([column, before, after, link, link])
+    return _Entries(row, column, np.append(element, at)), len(before)
+
+
+class Conditions:
+    """Sparsity of the linearised conditions of an NLP and the solver for it; values are filled in by `at`.
+
+    An unknown shared by all elements, such as the duration, would fill the factors. Every element gets a copy of it,
+    and rows added to the matrix make neighbouring copies equal. Ordered by time the matrix is then banded.
     """
 
     def __init__(
         self, patterns: tuple[ca.Sparsity, ca.Sparsity], layout: Layout, elements: int, fixed: Array, rows: Array
     ) -> None:
         nz, ng, k = layout.size, patterns[1].size1(), len(rows)
-        place = np.zeros(nz, dtype=int)
-        for number in range(elements):
-            place[layout.state[number]] = place[layout.control[number]] = number
-        shared = np.zeros(nz + k + ng, dtype=bool)
-        shared[layout.horizon] = shared[layout.free] = True
-        (h_row, h_column), (j_row, j_column) = (np.array(p.get_triplet(), dtype=np.int64).reshape(2, -1)
-                                                for p in patterns)  # fmt: skip
-        upper = h_row != h_column
-        # A row belongs to the first element that it speaks of; one of shared unknowns alone to the last.
-        row_of = np.full(ng, elements)
-        single = ~shared[j_column]
-        np.minimum.at(row_of, j_row[single], place[j_column[single]])
-        when = np.concatenate([place, np.minimum(row_of, elements - 1)[rows], np.minimum(row_of, elements - 1)])
-        narrow = np.append(~shared[:nz], np.append(np.ones(k, dtype=bool), row_of < elements))
-        first, second = nz + k, nz + np.arange(k)
-        entries = [
-            (h_row, h_column), (h_column[upper], h_row[upper]), (first + j_row, j_column), (j_column, first + j_row),
-            (first + rows, second), (second, first + rows), (np.arange(nz + k),) * 2, (first + np.arange(ng),) * 2,
-        ]  # fmt: skip
-        row, column = (np.concatenate([part[i] for part in entries]) for i in (0, 1))
-        # Copies of shared unknowns, one for each element from the first to the last that has to do with it.
-        copies = nz + k + ng
-        links = []
-        for unknown in np.flatnonzero(shared):
-            if unknown < nz and fixed[unknown]:
-                continue
-            by = row[column == unknown]
-            by = by[by < len(narrow)]
-            touched = when[by[narrow[by]]]
-            low, high = (int(touched.min()), int(touched.max())) if len(touched) else (0, 0)
-            mine = np.append(unknown, np.arange(copies, copies + high - low))
-            copies += high - low
-            when[unknown] = low
-            when = np.append(when, np.arange(low + 1, high + 1))
-            for index, other in ((row, column), (column, row)):
-                here = (index == unknown) & (other < len(shared))
-                here[here] = ~shared[other[here]]
-                index[here] = mine[np.clip(when[other[here]] - low, 0, high - low)]
-            links.append((mine[:-1], mine[1:], np.arange(low + 1, high + 1)))
-        before, after, at = (np.concatenate([np.zeros(0, dtype=int), *(link[i] for link in links)]) for i in range(3))
-        bond = copies + np.arange(len(before))
-        row = np.concatenate([row, bond, bond, before, after])
-        column = np.concatenate([column, before, after, bond, bond])
-        when = np.append(when, at)
+        entries, narrow = _entries(patterns, layout, elements, rows)
+        entries, self.links = _copied(entries, _shared(layout, nz + k + ng), fixed, narrow)
         self.keep = np.append(np.flatnonzero(~fixed), nz + np.arange(k))
-        self.sizes, self.fixed = (nz, k, ng), fixed
-        alive = np.ones(len(when), dtype=bool)
+        self.sizes, self.fixed, self.total = (nz, k, ng), fixed, len(entries.element)
+        h_row, h_column = patterns[0].get_triplet()
+        self.upper = np.array(h_row) != np.array(h_column)
+        alive = np.ones(self.total, dtype=bool)
         alive[:nz] = ~fixed
-        order = np.argsort(when[alive], kind="stable")
+        order = np.argsort(entries.element[alive], kind="stable")
         self.order = np.flatnonzero(alive)[order]
-        rank = np.full(len(when), -1)
+        rank = np.full(self.total, -1)
         rank[self.order] = np.arange(len(self.order))
-        row, column = rank[row], rank[column]
+        row, column = rank[entries.row], rank[entries.column]
         self.chosen = (row >= 0) & (column >= 0)
-        self.total = len(when)
-        keys, self.places = np.unique(column[self.chosen] * len(order) + row[self.chosen], return_inverse=True)
+        keys, self.positions = np.unique(column[self.chosen] * len(order) + row[self.chosen], return_inverse=True)
         starts = np.searchsorted(keys, len(order) * np.arange(len(order) + 1))
         self.row, self.column = keys % len(order), keys // len(order)
         self.pattern = ca.Sparsity(len(order), len(order), starts.tolist(), self.row.tolist())
-        self.upper, self.links = upper, len(before)
         self.solver = ca.Linsol("kkt", "qr", self.pattern)
 
     def at(self, hessian: ca.DM, jacobian: ca.DM, stiffness: Array) -> Linearised:
-        """Return the conditions with their values.
+        """Return the matrix with its values.
 
         Args:
             hessian: (nz, nz) upper triangle.
@@ -140,7 +174,7 @@ class Conditions:
         h, j = (np.array(matrix.nz[:]).ravel() for matrix in (hessian, jacobian))
         (_, k, ng), ones = self.sizes, np.ones(self.links)
         parts = [h, h[self.upper], j, j, -np.ones(2 * k), stiffness, np.full(ng, -DEPENDENT), ones, -ones, ones, -ones]
-        values = np.bincount(self.places, np.concatenate(parts)[self.chosen], self.pattern.nnz())
+        values = np.bincount(self.positions, np.concatenate(parts)[self.chosen], self.pattern.nnz())
         values *= scale[self.row] * scale[self.column]
         shift = np.zeros(sum(self.sizes))
         shift[-ng:] = DEPENDENT
@@ -152,21 +186,25 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The linearised conditions at one place, scaled."""
+    """The linearised conditions at one point, rows and columns scaled."""
 
     conditions: Conditions
     matrix: ca.DM
     scale: Array
-    shift: Array  # what the diagonal lacks
+    shift: Array  # (n, 1) what was subtracted from the diagonal
 
     def solve(self, right: Array, refinements: int = 0) -> tuple[Array, Array, float]:
-        """Solve for right-hand sides (nz + k + ng, c); fixed unknowns do not move.
+        """Solve for right-hand sides; fixed unknowns do not move.
+
+        Args:
+            right: (nz + k + ng, c).
+            refinements: rounds of iterative refinement, which remove the regularisation and rounding.
 
         Returns:
             Z and y, (nz + k + ng, c).
-            (c,) residuals, shares of the right-hand sides; they stay where rows that depend on each other contradict
-            each other. NaN without refinements.
-            By how much random unknowns are missed when looked for again: small if the unknowns are determined.
+            (c,) residuals relative to the right-hand sides; large if dependent rows contradict each other. NaN
+            without refinements.
+            Largest error of a random vector recovered from its image; small if the unknowns are determined.
         """
         order, count = self.conditions.order, sum(self.conditions.sizes)
         known = order < count
@@ -176,7 +214,7 @@ class Linearised:
         random = np.random.default_rng(0).normal(size=len(order))
         b[:, -1] = self._product(random[:, None])[:, 0]
         size = np.max(np.abs(b), axis=0, initial=1e-300)
-        # A call factorises and solves; refinements are for the shift and for rounding.
+        # Every call of the solver factorises again.
         left = np.full(len(size), np.nan)
         result = self._solved(b if refinements else b[:, :-1])
         for _ in range(refinements):

@@ -1,4 +1,4 @@
-"""Variation of a motion: how states, controls and signals change with a number, at places that are held fixed."""
+"""Derivatives of states, controls and signals of a motion with respect to one number, at a fixed time or share."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ocp.system import slopes
 
 
 class Held(Enum):
-    """Which place of a motion a derivative is taken at."""
+    """What is held fixed when a signal at time t of a motion is differentiated."""
 
-    SHARE = "share"  # the same share t/T of the motion
-    TIME = "time"  # the same time
-    ARC = "arc"  # the same share of the arc between two switches, which move along; of the motion if not polished
+    SHARE = "share"  # the share t/T of the duration
+    TIME = "time"  # the time t
+    ARC = "arc"  # the share of the arc between two switches, which move; the share t/T if not polished
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class Variation:
     """Derivative of a motion with respect to one number.
 
     Args:
-        states, controls: (N, m, nx), (N, c, nu) of the unknowns.
-        seconds: (N,) of the widths of the elements [s/unit].
-        p: (np,) of the parameters.
+        states, controls: (N, m, nx), (N, c, nu) derivatives of the unknowns at fixed tau of every element.
+        seconds: (N,) derivatives of the durations of the elements [s/unit].
+        p: (np,) derivatives of the parameters.
     """
 
     states: Array
@@ -47,10 +47,10 @@ class Variation:
         """Return the derivatives of state and control, (K, nx), (K, nu).
 
         Args:
-            solution: whose variation it is.
+            solution: that was differentiated.
             problem: that it solves.
             t: (K,) times [s].
-            held: what is fixed about them.
+            held: what is held fixed.
         """
         scheme = solution.scheme
         element, tau = solution.locate(t)

@@ -1,4 +1,4 @@
-"""The NLP that a solution solves, made again from it, with unknowns, multipliers and bounds."""
+"""Reconstruction of the NLP of a solution, with its unknowns, multipliers and bounds."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class Reconstruction:
     """A solution as unknowns of its NLP.
 
     Args:
-        NLP: of the problem, or of its structure if the solution is polished.
-        problem: solved.
-        bounds: of the unknowns and rows.
+        nlp: of the problem, or of its arcs if the solution is polished.
+        problem: that was solved.
+        bounds: of the unknowns and constraint rows.
         z: (nz,) unknowns.
         s: parameters of the NLP.
         y: (ng,) multipliers of the rows as far as known, or None.
-        limits: (nz,) multipliers of the bounds, zero where they are not known.
-        head: (np + 1 or np,) parameters, and the duration if the NLP takes it as given.
-        arc: (N,) arc of every element.
+        limits: (nz,) multipliers of the bounds, > 0 at upper ones; zero where they are not known.
+        head: (np + 1 or np,) parameters, and the duration if it is given.
+        arc: (N,) index of the arc of every element.
         shares: (N,) width of every element, share of its arc.
-        posed: structure, if the solution is polished.
+        posed: the arc NLP if the solution is polished, else None.
         duration: [s].
     """
 
@@ -63,7 +63,7 @@ class Reconstruction:
         return np.asarray(here.gradient + np.array(ca.mtimes(here.jacobian.T, at.y)).ravel())
 
     def moved(self, problem: Problem) -> tuple[Array, Bounds]:
-        """Return head and bounds for a problem that differs in numbers only."""
+        """Return head and bounds for a problem that differs from this one in numbers only."""
         head = np.array(self.head)
         if self.posed is None:
             if isinstance(problem.horizon, Fixed):
@@ -72,7 +72,7 @@ class Reconstruction:
         return head, self.posed.adapted(problem, self.posed.task.numbers).sides()
 
     def touches(self) -> Iterator[tuple[str, int, int]]:
-        """Yield what is touched at an instant, the row that says so, and the side, of a polished solution."""
+        """Yield for every touch point of a polished solution its name, its constraint row, and the side (-1, 1)."""
         ties = zip(self.posed.conditions, self.nlp.conditions, strict=True) if self.posed else ()
         for tie, rows in ties:
             assert self.posed is not None
@@ -82,20 +82,20 @@ class Reconstruction:
                 yield f"the touch of {name} with its {side} limit", int(rows[0, 0, 0]), tie.contact.side
 
     def where(self, number: int) -> str:
-        """Return what a limit is called, by its number among the lower, then the upper ones of unknowns and rows."""
+        """Return the name and time of a bound, by its index among the 2 (nz + k) lower, then upper ones."""
         low, _, rows_low, rows_high = self.bounds
         rows = np.flatnonzero((rows_low < rows_high) & (np.isfinite(rows_low) | np.isfinite(rows_high)))
         side = "upper" if number >= len(low) + len(rows) else "lower"
-        place = number % (len(low) + len(rows))
+        index = number % (len(low) + len(rows))
         layout, system = self.nlp.layout, self.problem.system
         ends = self.nlp.grid.ends[:-1] * float(self.duration)
-        for name, places in (("x", layout.state), ("u", layout.control)):
-            result = np.argwhere(places == place)
+        for name, indices in (("x", layout.state), ("u", layout.control)):
+            result = np.argwhere(indices == index)
             if len(result):
-                labels = system.label(name, places.shape[2])
+                labels = system.label(name, indices.shape[2])
                 return f"{labels[result[0][2]].name} at its {side} limit near t = {ends[result[0][0]]:.4g} s"
         for (i, c), own in zip(self.nlp.path_parts, self.nlp.path, strict=True):
-            result = np.argwhere(own == (rows[place - len(low)] if place >= len(low) else -1))
+            result = np.argwhere(own == (rows[index - len(low)] if index >= len(low) else -1))
             if len(result):
                 label = self.problem.labels(self.problem.subject_to[i])[c]
                 return f"{label.name} at its {side} limit near t = {ends[result[0][0]]:.4g} s"
@@ -103,11 +103,11 @@ class Reconstruction:
 
 
 def reconstruct(solution: Solution, problem: Problem) -> Reconstruction:
-    """Return the NLP of a solution and the solution in its terms.
+    """Return the NLP of a solution, with the solution as its unknowns.
 
     Args:
-        solution: solved, of the problem.
-        problem: what it solves.
+        solution: solved.
+        problem: that it solves.
     """
     numbers = problem.system.values(solution.values)
     if solution.structure is not None:
@@ -154,7 +154,7 @@ def _transcribed(
     problem: Problem, scheme: Scheme, elements: int, x: tuple[float, ...], u: tuple[float, ...], horizon: float,
     free: tuple[float, ...],
 ) -> Nlp:  # fmt: skip
-    """Return the NLP of a problem, kept for its other solutions; their grids are parameters of it."""
+    """Return the NLP of a problem; cached for its other solutions, since the grid is a parameter of it."""
     return transcribe(problem, scheme, uniform(elements), Scaling(np.array(x), np.array(u), horizon, np.array(free)))
 
 

@@ -1,4 +1,4 @@
-"""Sensitivities of an optimum, without solving again: how duration, cost, switches and signals change with a number."""
+"""Post-optimal sensitivities: derivatives of duration, cost, switching times and signals, without solving again."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ocp import checks
 from ocp.checks import Array
 from ocp.problem.problem import Problem, same_structure
 from ocp.sensitivities.kkt_derivatives import WEAK, Derivative, Direction, differentiate
-from ocp.sensitivities.kkt_root import Optimum, settle, start
-from ocp.sensitivities.limit_prices import Price, prices
+from ocp.sensitivities.kkt_root import Optimum, initial_point, settle
+from ocp.sensitivities.limit_sensitivities import LimitSensitivity, limit_sensitivities
 from ocp.sensitivities.motion_derivatives import Held, Variation
 from ocp.sensitivities.nlp_of_solution import Reconstruction, reconstruct
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.solution import Solution
 from ocp.system import Label
 
-OPEN = 1e-7  # residual of the conditions of optimality above which it is told
-DISAGREEMENT = 1e-6  # of both ways to the change of the cost, above which it is told
-STILL = 1e-6  # share of the largest change of an unknown below which a limit that is only just met stays as it is
+OPEN = 1e-7  # residual of the conditions of optimality above which a note is added
+DISAGREEMENT = 1e-6  # relative, of the two derivatives of the cost, above which a note is added
+STILL = 1e-6  # a weakly active bound whose rate is below this share of the largest rate of an unknown does not matter
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +33,16 @@ class Sensitivity:
 
     Args:
         solution: that was differentiated.
-        names: of the numbers.
+        names: of the numbers: parameters, and the keys of `toward`.
         duration: name -> [s/unit].
         cost: name -> [cost/unit].
         free: name -> derivatives of the parameters that are unknowns, by their names.
         switching: name -> (A - 1,) of the times between the arcs of `solution.structure` [s/unit]; None if the
             solution is not polished.
-        valid: name -> (for a smaller number, for a larger one): on which sides the derivative holds; both as a rule.
-        notes: sentences about what is one-sided, not determined or not accurate.
-        variations: name -> of the motion.
-        seconds: wall clock.
+        valid: name -> (for a smaller number, for a larger one), whether the derivative holds on that side.
+        notes: sentences about derivatives that are one-sided, not determined or not accurate.
+        variations: name -> derivative of the motion.
+        seconds: wall-clock time of the computation.
         reconstruction, root: the solution as unknowns of its NLP, and the root of its conditions of optimality.
     """
 
@@ -60,13 +60,13 @@ class Sensitivity:
     root: Optimum
 
     @functools.cached_property
-    def limits(self) -> tuple[Price, ...]:
-        """What every active limit and condition costs, d cost / d limit, by the multipliers."""
-        return prices(self.reconstruction, self.root)
+    def limits(self) -> tuple[LimitSensitivity, ...]:
+        """Derivatives of the cost with respect to every active limit and boundary value, from the multipliers."""
+        return limit_sensitivities(self.reconstruction, self.root)
 
     @property
     def problem(self) -> Problem:
-        """What the solution solves."""
+        """The problem that was solved."""
         return self.reconstruction.problem
 
     def x(self, t: Array | float, held: Held = Held.SHARE) -> dict[str, Array]:
@@ -78,15 +78,15 @@ class Sensitivity:
         return self.signal("u", t, held)
 
     def signal(self, signal: str | ca.SX, t: Array | float, held: Held = Held.SHARE) -> dict[str, Array]:
-        """Return how a signal changes at a place of the motion.
+        """Return the derivatives of a signal at times t.
 
-        At a fixed share or time a control that jumps has no derivative at its switches; between them it has. With
-        Held.ARC the switches move along, and the derivative has no gaps.
+        At a fixed share or time, a control that jumps has no derivative at its switches. With Held.ARC the point moves
+        with the switches, and the derivative exists everywhere.
 
         Args:
             signal: name of a signal ("q", ..., also "x", "u"), or an expression (m,) in x, u, p.
             t: times [s] within the motion, (K,) or scalar.
-            held: whether the place keeps its share of the duration, its time, or its share of the arc.
+            held: what is fixed: the share of the duration, the time, or the share of the arc.
 
         Returns:
             name -> (K, m), or (m,) for a scalar [unit of the signal per unit of the number].
@@ -124,10 +124,10 @@ class Sensitivity:
         return {name: result[chosen] for name, result in self.switching.items()}
 
     def labels(self, signal: str, name: str) -> tuple[Label, ...]:
-        """Return what the components of `signal(signal, ...)[name]` are called, and their units.
+        """Return names and units of the components of `signal(signal, ...)[name]`.
 
         Raises:
-            TypeError: no texts.
+            TypeError: an argument is no string.
             KeyError: no such signal.
             ValueError: no such number.
         """
@@ -156,15 +156,15 @@ def sensitivity(
 ) -> Sensitivity:
     """Differentiate an optimum with respect to numbers, from the conditions of optimality of its NLP.
 
-    With F(Z, y; s) = 0 the conditions at the root, dF/dZ dZ + dF/dy dy = -dF/ds ds; one factorisation serves all
-    numbers. The optimum is that of the NLP: for a polished solution that of the problem itself to the accuracy
-    of the polish, else that of the problem on its grid with its shape of the control.
+    The conditions F(Z, y; s) = 0 hold at the optimum, so that dF/dZ dZ + dF/dy dy = -dF/ds ds; one factorisation
+    serves all numbers. The optimum is that of the NLP: for a polished solution the optimum of the problem, to the
+    accuracy of the polish; otherwise the optimum on the grid of the solution with its scheme.
 
     Args:
         solution: solved, of a Problem, polished or not.
         names: of parameters of the system; None for all that are given.
-        toward: name -> a problem that differs in limits, start and end values or a given duration only: where the
-            problem is when the number called `name` has grown by one. The derivative is along the difference.
+        toward: name -> the problem after the number called `name` has grown by one; it may differ in limits, start
+            and end values or a given duration only. The derivative is taken along the difference.
         problem: needed only for a solution loaded without it.
 
     Returns:
@@ -191,7 +191,7 @@ def sensitivity(
         new_head, new = here.moved(same_structure(problem, other))
         directions.append(Direction.between((here.head, base), (new_head, new)))
     everything = (*chosen, *(toward or {}))
-    conditions, at = start(here.nlp, base, here.z, here.s, here.y, here.limits)
+    conditions, at = initial_point(here.nlp, base, here.z, here.s, here.y, here.limits)
     at = settle(here.nlp, base, conditions, at)
     result = differentiate(here.nlp, base, conditions, at, tuple(directions), head)
     variations = {
@@ -248,8 +248,8 @@ def _names(
         if name in chosen:
             raise ValueError(f"toward: {name!r} is a parameter already; choose another name")
     if not chosen and not toward:
-        told = "" if names is None else f"names: got {checks.shown(names)}, "
-        raise ValueError(f"{told}nothing to vary; there are the parameters {listed}, toward= names other numbers")
+        given = "" if names is None else f"names: got {checks.shown(names)}, "
+        raise ValueError(f"{given}nothing to vary; there are the parameters {listed}, toward= names other numbers")
     return chosen
 
 
@@ -272,13 +272,13 @@ def _variation(here: Reconstruction, change: Array, direction: Direction) -> Var
 def _sides(
     here: Reconstruction, result: Derivative, names: tuple[str, ...], at: Optimum
 ) -> tuple[dict[str, tuple[bool, bool]], list[str]]:
-    """Return on which sides derivatives hold, and sentences about those that do not on both."""
+    """Return for each name on which sides the derivative holds, and a sentence where it does not hold on both."""
     if result.reason:
         words = f"no derivative of the motion: {result.reason}"
         return dict.fromkeys(names, (result.unique, result.unique)), [words]
     valid, notes = {}, []
     largest = np.max(np.abs(result.z), axis=0, initial=0.0)
-    limits = [here.where(int(number)) for number in result.met]
+    limits = [here.where(int(number)) for number in result.weak]
     every = result.moves
     for limit, row, side in here.touches():
         if abs(at.y[row]) < WEAK * max(1.0, float(np.max(np.abs(at.y)))):
@@ -293,5 +293,5 @@ def _sides(
         which = list(dict.fromkeys(limits[number] for number in np.flatnonzero(np.abs(moves) > STILL)))
         what = ", ".join(which[:3]) + (f" and {len(which) - 3} more" if len(which) > 3 else "")
         holds = {(True, False): "smaller values only", (False, True): "larger values only", (False, False): "no side"}
-        notes.append(f"{name}: {what} only just met, without a multiplier; the derivative holds for {holds[sides]}")
+        notes.append(f"{name}: {what} only just active, without a multiplier; the derivative holds for {holds[sides]}")
     return valid, notes

@@ -1,1 +1,1 @@
-"""What was found: solutions and their files, error values, switching structures, constraint violations."""
+"""Solutions and their files, error values, switching structures, constraint violations."""

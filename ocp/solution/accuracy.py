@@ -1,4 +1,4 @@
-"""Errors of a solution as values: estimated errors, and the accuracy of one step of a refinement."""
+"""Estimated errors of a solution, and the accuracy reached by one step of a refinement."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ocp.system import Label
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """How good a rung of a refinement is, what it has cost so far, and why the refinement ended there if it did."""
+    """Estimated error of one step of a refinement, the time spent so far, and the reason if it is the last step."""
 
     error: float  # estimated, in `unit`
     tol: float  # asked for
@@ -18,7 +18,7 @@ class Accuracy:
     what: str  # is wrong by `error`
     seconds: float  # since the refinement began [s]
     errors: Errors
-    reason: str = ""  # why this is the last rung; empty if it is not
+    reason: str = ""  # why this is the last step; empty if it is not
 
     @property
     def met(self) -> bool:
@@ -32,24 +32,24 @@ class Accuracy:
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Estimated errors of a solution; each is an amount, zero for an exact solution.
+    """Estimated errors of a solution; each is zero for an exact solution.
 
-    The cost of the solution differs from the optimal one by at most about `cost`. It is the sum of five parts, each
-    the integral of what the motion does wrong, priced by its costates or multipliers, times a factor of safety of 2.
+    The cost of the solution differs from the optimum by at most about `cost`, the sum of five parts times a safety
+    factor of 2. Each part is the integral of an error of the motion times its costate or multiplier.
     """
 
     cost: float  # of the optimal cost [unit of the cost]; inf for a solution that did not converge
     duration: float  # of the optimal duration [s]; zero if it is fixed
-    states: Array  # (nx,) largest distance of each state from where its controls bring it [unit of the state]
-    dynamics: float  # cost of what the motion violates x' = f(x, u) and of the quadrature; signed
-    optimality: float  # cost that the controls leave on the table: integral of H(u) - min H, multipliers spread evenly
-    overshoot: float  # cost gained by controls beyond their limits between the points
-    violation: float  # cost gained by states beyond their limits between the nodes
-    convergence: float  # cost that the solver left at limits of states: multipliers times distances
+    states: Array  # (nx,) largest drift of each state [unit of the state]
+    dynamics: float  # cost of the error in x' = f(x, u) and of the quadrature; signed
+    optimality: float  # gain left by the controls: integral of H(u) - min H, with redistributed multipliers
+    overshoot: float  # cost saved by controls beyond their limits between the collocation points
+    violation: float  # cost saved by states beyond their limits between the nodes
+    convergence: float  # complementarity error of state limits: multipliers times distances
     hamiltonian: float  # standard deviation of H from its constant value, share of the mean size of its terms
     elements: Array  # (N,) parts of the elements in `cost`
-    local: Array  # (N, nx) distance of each state at the end of an element if integrated from its start
-    drift: Array  # (N + 1, nx) distance from the motion integrated from x(0), at the ends of elements; signed
+    local: Array  # (N, nx) error of each state at the end of an element, integrated from its start
+    drift: Array  # (N + 1, nx) integrated from x(0) minus the solution, at the ends of elements; signed
     labels: tuple[Label, ...]  # of the states
 
     def __str__(self) -> str:

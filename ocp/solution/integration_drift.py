@@ -1,4 +1,4 @@
-"""Drift: how far the state integrated with the controls found leaves the state found."""
+"""Drift: distance between the state of a solution and the state integrated with its controls."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.system import slopes
 
-MORE = 3  # Gauss points of the re-integration beyond the degree of the scheme
+MORE = 3  # the re-integration uses this many Gauss points more than the degree of the scheme
 
 
 def drift(solution: Solution, problem: Problem) -> Array:
-    """Return the distance (N + 1, nx) of the motion integrated from x(0) from the one found, at the ends of elements.
+    """Return the integrated minus the stored state (N + 1, nx) at the ends of the elements, to first order.
 
-    To first order, e_k+1 = Phi_k e_k + (phi_k(x_k) - x_k+1), as `estimate` has it; signed, unit of the state.
+    e_k+1 = Phi_k e_k + (phi_k(x_k) - x_k+1), with phi_k the motion over element k and Phi_k its derivative.
 
     Args:
         solution: of positive duration.
@@ -26,19 +26,24 @@ def drift(solution: Solution, problem: Problem) -> Array:
     Raises:
         LinAlgError: an element is so long that the equations of its re-integration are singular.
     """
-    local, transition, _ = _propagated(solution, problem)
-    return _accumulated(local, transition)
+    local, transition, _ = propagated(solution, problem)
+    return accumulated(local, transition)
 
 
-def _accumulated(local: Array, transition: Array) -> Array:
+def accumulated(local: Array, transition: Array) -> Array:
+    """Return the drift (N + 1, nx) that local errors (N, nx) add up to with transition matrices (N, nx, nx)."""
     away = np.zeros((len(local) + 1, local.shape[1]))
     for k, (error, carried) in enumerate(zip(local, transition, strict=True)):
         away[k + 1] = carried @ away[k] + error
     return away
 
 
-def _propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
-    """Return phi_k(x_k) - x_k+1 (N, nx), its derivative by x_k (N, nx, nx), and both at m points (N, m, nx, 1 + nx)."""
+def propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
+    """Integrate every element from its own start by one Newton step of a Gauss collocation of higher order.
+
+    Returns:
+        phi_k(x_k) - x_k+1 (N, nx), d phi_k/dx_k (N, nx, nx), and both at the Gauss points (N, m, nx, 1 + nx).
+    """
     system, scheme = problem.system, solution.scheme
     count, nx = len(solution.grid), solution.states.shape[2]
     nodes, weights = polynomials.leggauss(scheme.degree + MORE)

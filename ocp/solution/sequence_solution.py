@@ -14,7 +14,7 @@ from ocp.solution.solution import OUTSIDE, Solution, Status, Timings
 
 @dataclass(frozen=True, eq=False)
 class SequenceSolution:
-    """The answer of a Sequence: one Solution for each problem, in order of time, and what they share."""
+    """The solution of a Sequence: one Solution for each problem, in order of time, and their common status."""
 
     phases: tuple[Solution, ...]
     status: Status
@@ -50,7 +50,7 @@ class SequenceSolution:
         return f"SequenceSolution({self.status.name.lower()}, durations {parts} s, cost {self.cost:.9g})"
 
     def signal(self, signal: str, t: Array | float) -> Array:
-        """Return a signal that all systems have, at times t [s] of the whole motion, shape (K, m) or (m,)."""
+        """Return a signal that all systems have at times t [s] of the whole motion, shape (K, m) or (m,)."""
         checks.text("signal", signal, "the name of a signal that all systems have")
         end = self.duration
         wanted, slack = f"times within the motion, 0 to {end} s", OUTSIDE * end

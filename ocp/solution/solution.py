@@ -1,11 +1,10 @@
-"""The answer of a solve, whatever happened: status, motion as interpolants of the scheme, costates, timings."""
+"""The result of a solve, successful or not: status, motion as interpolants of the scheme, costates, timings."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -22,11 +21,7 @@ from ocp.transcription.grid import Grid
 from ocp.transcription.packing import Multipliers
 from ocp.transcription.schemes.scheme import Scheme
 
-if TYPE_CHECKING:
-    pass
-
-# Times outside the motion by less than this share of the duration are rounding.
-OUTSIDE = 1e-9
+OUTSIDE = 1e-9  # times outside the motion by less than this share of the duration are rounding
 GAUSS = np.polynomial.legendre.leggauss(4)
 
 
@@ -54,7 +49,7 @@ class Timings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A motion and how it was found; x(t), u(t) and costate(t) are the interpolants of the scheme.
+    """A motion and how it was computed; x(t), u(t) and costate(t) are the interpolants of the scheme.
 
     Costates are the gradient of the optimal cost with respect to the state, lambda = dJ/dx, so that the Hamiltonian
     lambda . f + running is minus the weight of time on an optimal motion of free duration (-1 for minimum time).
@@ -76,10 +71,10 @@ class Solution:
     grid: Grid
     scheme: Scheme
     problem: Problem | None  # None if loaded from a file without it
-    rung: str = "given guess"  # which first guess led here
-    log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: inf_pr, inf_du, obj, mu ...
+    rung: str = "given guess"  # which initial guess led here
+    log: Mapping[str, Sequence[float]] = field(default_factory=dict)  # per iteration: IPOPT's inf_pr, obj ...
     multipliers: Multipliers | None = None  # None if loaded from a file of version 1
-    accuracy: Accuracy | None = None  # of a rung of solve_to_accuracy; not saved, `estimate` gives its errors again
+    accuracy: Accuracy | None = None  # of a step of solve_to_accuracy; not saved, `estimate` computes its errors again
     structure: Structure | None = None  # switching structure of a polished solution
 
     @property
@@ -107,7 +102,7 @@ class Solution:
 
     @property
     def data(self) -> Array:
-        """(N, m + e, nx) what defines the state polynomial of every element: states, then slopes."""
+        """(N, m + e, nx) coefficients of the state polynomial of every element: states, then slopes."""
         return np.concatenate([self.states, self.slopes], axis=1)
 
     @property
@@ -180,8 +175,8 @@ class Solution:
 
         with s_i the largest |x_i|, at least a thousandth of the largest state with the same unit.
 
-        The residual is zero at the collocation points, where it changes its sign; a Gauss quadrature of four points
-        runs between every two of them.
+        The residual changes its sign at the collocation points; each interval between two of them is integrated by a
+        Gauss quadrature of four points.
 
         Raises:
             ValueError: the solution was loaded without its problem.
@@ -201,22 +196,22 @@ class Solution:
         each = missed.reshape(len(self.grid), len(tau), -1)
         widths = self.duration * self.grid.widths
         integral = np.einsum("ksa,s->ka", each, shares) * widths[:, None]
-        span = np.max(np.abs(x), axis=0)
-        units = [label.unit for label in system.label("x", len(span))]
-        size = np.maximum(span, 1e-3 * largest_of_unit(span, units))
-        relative: Array = np.max(integral / np.where(size > 0.0, size, 1.0), axis=1)
+        largest = np.max(np.abs(x), axis=0)
+        units = [label.unit for label in system.label("x", len(largest))]
+        scale = np.maximum(largest, 1e-3 * largest_of_unit(largest, units))
+        relative: Array = np.max(integral / np.where(scale > 0.0, scale, 1.0), axis=1)
         return relative
 
     def samples(self, tau: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the motion at places tau of every element, each seen from inside its own element.
+        """Return the motion at points tau of every element; at 0 and 1 the values are those inside the element.
 
         Args:
-            tau: (s,) places in [0, 1]; at 0 and 1 the values are those of the element, before any jump.
+            tau: (s,) points in [0, 1], shares of the element.
 
         Returns:
             t (N s,), x (N s, nx), dx/dt (N s, nx), u (N s, nu).
         """
-        tau = checks.places("tau", tau, "places in [0, 1] of every element", 0.0, 1.0, least=1)
+        tau = checks.places("tau", tau, "points in [0, 1] of every element", 0.0, 1.0, least=1)
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
         x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)
@@ -225,14 +220,14 @@ class Solution:
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
     def locate(self, t: Array | float) -> tuple[Array, Array]:
-        """Return the element of each time and the place tau in [0, 1] on it.
+        """Return the element of each time and the point tau in [0, 1] on it.
 
         Raises:
             ValueError: a time is not a number within the motion.
         """
-        return self._place(self._times(t))
+        return self._position(self._times(t))
 
-    def _place(self, t: Array) -> tuple[Array, Array]:
+    def _position(self, t: Array) -> tuple[Array, Array]:
         share = np.clip(t / self.duration if self.duration > 0.0 else 0.0 * t, 0.0, 1.0)
         element = self.grid.locate(share)
         return element, (share - self.grid.ends[element]) / self.grid.widths[element]
@@ -248,11 +243,11 @@ class Solution:
 
     @property
     def _seconds(self) -> Array:
-        """(N,) durations of the elements; those of a motion of no duration, which rests, are one."""
+        """(N,) durations of the elements; one for a motion of zero duration, whose states are constant."""
         widths: Array = self.duration * self.grid.widths
         return widths if self.duration > 0.0 else np.ones(len(widths))
 
     def _evaluate(self, t: Array | float, values: Array, matrix_at: Callable[[Array], Array]) -> Array:
-        element, tau = self._place(self._times(t))
+        element, tau = self._position(self._times(t))
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]

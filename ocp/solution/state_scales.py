@@ -1,4 +1,4 @@
-"""Magnitudes of the states in a motion, by which its errors are measured."""
+"""Scales of the states of a motion; errors of states are stated relative to them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,25 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
-# A drift of a millionth of this share of a value is what an integration at 1e-12 leaves of it.
+# Smallest scale of a state, relative to its largest value: an integration with a tolerance of 1e-12 has an error of
+# about that share of the value, which is then a millionth of the scale.
 ROUNDING = 1e-6
+LEAST = 1e-3  # smallest scale of a state, relative to the largest of the same unit or to the effect of the controls
 
 
-def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
-    """Return what drift is measured by, for each state, and the least work that an energy balance is measured by.
+def state_scales(solution: Solution, problem: Problem) -> tuple[Array, float]:
+    """Return the scale (nx,) of each state, and the smallest energy with which an energy balance is compared.
 
-    The range of the state, at least a thousandth of the largest range with the same unit, a thousandth of what the
-    controls could make of it in the duration, and a share of its value that rounding makes of it along a motion.
+    The scale is the range of the state, at least 1/1000 of the largest range with the same unit, at least 1/1000 of
+    the change that the controls could cause within the duration, and at least 1e-6 of the largest value.
+
+    Args:
+        solution: with finite states.
+        problem: that it solves.
     """
     system = problem.system
-    span, value = np.ptp(solution.states, axis=(0, 1)), np.max(np.abs(solution.states), axis=(0, 1))
-    units = [label.unit for label in system.label("x", len(span))]
+    width, value = np.ptp(solution.states, axis=(0, 1)), np.max(np.abs(solution.states), axis=(0, 1))
+    units = [label.unit for label in system.label("x", len(width))]
     power, energy = (ca.sum1(ca.SX(system.signals.get(name, 0))) for name in ("power", "energy"))
     parts = [ca.jacobian(a, b) for a, b in ((system.rate, system.x), (system.rate, system.u), (power, system.x),
                                             (energy, system.x))]  # fmt: skip
@@ -37,18 +43,18 @@ def extent(solution: Solution, problem: Problem) -> tuple[Array, float]:
     ]
     largest = [np.nan_to_num(np.max([one[i] for one in results], axis=0), posinf=0.0) for i in range(len(parts))]
     by_x, by_u, power_by, energy_by = largest
-    reach = solution.duration * by_u @ _range(solution, problem)
-    reach = reach + solution.duration * by_x @ reach
-    size = np.maximum(np.maximum(span, 1e-3 * np.maximum(largest_of_unit(span, units), reach)), ROUNDING * value)
-    work = float(np.sum(energy_by @ (ROUNDING * value)) + 1e-3 * solution.duration * np.sum(power_by @ reach))
-    return np.where(size > 0.0, size, 1.0), work
+    caused = solution.duration * by_u @ _control_range(solution, problem)
+    caused = caused + solution.duration * by_x @ caused
+    scale = np.maximum(np.maximum(width, LEAST * np.maximum(largest_of_unit(width, units), caused)), ROUNDING * value)
+    energy_scale = float(np.sum(energy_by @ (ROUNDING * value)) + LEAST * solution.duration * np.sum(power_by @ caused))
+    return np.where(scale > 0.0, scale, 1.0), energy_scale
 
 
-def _range(solution: Solution, problem: Problem) -> Array:
-    """Return how large each control may be, or a thousand times what the motion uses if that is far less."""
+def _control_range(solution: Solution, problem: Problem) -> Array:
+    """Return the largest allowed value of each control, at most a thousand times the largest value in the motion."""
     sides = np.abs(np.stack(problem.limits(Where.ALONG, problem.system.u)))
     used = np.max(np.abs(solution.controls), axis=(0, 1))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
-    # A drive that may do nothing has no size of its own.
+    # A control that is limited to zero has no scale of its own.
     limit = np.where(limit > 0.0, limit, np.maximum(used, np.max(limit, initial=0.0)))
     return np.asarray(np.where(used > 1e-9 * limit, np.minimum(limit, 1e3 * used), limit))

@@ -1,4 +1,4 @@
-"""A solution in one open file (NPZ: arrays and a JSON text), readable without the model."""
+"""File format of solutions: one NPZ file with arrays and a JSON text, readable without the problem."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import math
 import os
 import zipfile
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
@@ -19,18 +19,16 @@ from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
 from ocp.transcription.grid import Grid
 from ocp.transcription.packing import Multipliers
-from ocp.transcription.schemes.gauss_legendre import legendre
-from ocp.transcription.schemes.lobatto_iiia import lobatto
-from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.families import FAMILIES
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 FORMAT = "hamel-solution"
-VERSION = 2  # 1 had no multipliers of limits
-SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
+VERSION = 2  # version 1 had no multipliers of limits
 LARGEST = 2**30  # bytes of a file, unpacked too; 5000 elements of 40 states take 20 million
-LONGEST = 160  # characters of a reason
+LONGEST = 160  # characters of the reason in an error message
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
-LIMITS = ("x", "u", "path", "ends")  # of the multipliers, as limits_x ...; absent where a solution has none
+LIMITS = ("x", "u", "path", "ends")  # parts of the multipliers, saved as limits_x ...; absent without multipliers
+MOST_NODES = 100  # of a scheme that a file defines
 
 
 def save(solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -38,7 +36,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
 
     Arrays `states` (N, m, nx), `controls` (N, c, nu), `slopes` (N, e, nx), `costates` (N, d, nx), `ends` (N + 1,),
     `limits_x`, `limits_u`, `limits_path`, `limits_ends` as in `Multipliers`, and `about`, a JSON text with everything
-    else but the accuracy of a rung. No pickle: any NPZ reader opens it.
+    else except `accuracy`. No pickle: any NPZ reader opens it.
 
     Args:
         solution: of any status.
@@ -48,15 +46,15 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
         OSError: the file cannot be written; what was there before is untouched.
     """
     if not isinstance(solution, Solution):
-        told = checks.shown(solution)
-        raise TypeError(f"save: solution is {told}, expected a Solution; save the phases of a sequence one by one")
+        given = checks.shown(solution)
+        raise TypeError(f"save: solution is {given}, expected a Solution; save the phases of a sequence one by one")
     target = checks.path("path", path)
     with written_whole(target) as part:
         part.write_bytes(encode(solution))
 
 
 def encode(solution: Solution) -> bytes:
-    """Return a solution as the content of a file.
+    """Return the content of the file of a solution.
 
     Args:
         solution: of any status.
@@ -76,11 +74,7 @@ def encode(solution: Solution) -> bytes:
         "timings": asdict(solution.timings),
         "iterations": solution.iterations,
         "rung": solution.rung,
-        "scheme": {
-            "name": solution.scheme.name,
-            "degree": solution.scheme.degree,
-            "control": solution.scheme.control.value,
-        },
+        "scheme": _scheme_data(solution.scheme),
         "x": [str(label) for label in system.label("x", nx)] if system else [],
         "u": [str(label) for label in system.label("u", nu)] if system else [],
         "log": {name: list(column) for name, column in solution.log.items()},
@@ -105,12 +99,12 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
 
     Args:
         path: of the file.
-        problem: the problem it solves, so that signals by name and `verify` work; x(t), u(t), costate(t) and the use
-            as a guess need none.
+        problem: the problem it solves, for signals by name and `verify`; x(t), u(t), costate(t) and the use as a
+            guess need none.
 
     Raises:
         OSError: no such file.
-        ValueError: no solution file, a damaged one, or one of a newer version.
+        ValueError: not a solution file, a damaged one, or one of a newer version.
     """
     file_path = checks.path("path", path)
     checks.instance("problem", problem, Problem | None, "the Problem it solves, or None")
@@ -120,28 +114,28 @@ def load(path: str | os.PathLike[str], problem: Problem | None = None) -> Soluti
 
 
 def decode(content: bytes, problem: Problem | None = None, path: str = "solution") -> Solution:
-    """Return the solution that `encode` made the content of.
+    """Return the solution whose file content `encode` returned.
 
     Args:
-        content: of a file.
+        content: of the file.
         problem: the problem it solves, or None.
-        path: what messages call the content.
+        path: name of the content in messages.
 
     Raises:
-        ValueError: no solution, a damaged one, or one of a newer version.
+        ValueError: not a solution, a damaged one, or one of a newer version.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
         if unpacked > LARGEST:
             raise ValueError(f"{unpacked} bytes when unpacked, expected at most {LARGEST}")
-        # A truncated archive makes the zip reader complain again when it is thrown away: no file is opened here.
+        # Reading from memory: a truncated archive on disk makes the zip reader complain again when it is deleted.
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             arrays = {name: _array(name, file[name]) for name in ARRAYS}
             known = [name for name in LIMITS if f"limits_{name}" in file]
             held = {name: _array(f"limits_{name}", file[f"limits_{name}"]) for name in known}
-    except Exception as error:  # zipfile, zlib, tokenize, numpy and json each raise their own for damaged bytes
+    except Exception as error:  # zipfile, zlib, tokenize, numpy and json raise different exceptions for damaged bytes
         why = " ".join(str(error).split())[:LONGEST]
         raise ValueError(f"{path}: no readable solution file ({why}), expected one written by save") from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
@@ -181,7 +175,7 @@ def _array(name: str, given: np.ndarray) -> np.ndarray:
 
 
 def _check_numbers(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    """Refuse a solution that claims to be solved and is not finite."""
+    """Raise ValueError for a solution with the status of a solved one that has values which are not finite."""
     if Status[about["status"]] in (Status.SOLVED, Status.ACCEPTABLE):
         wrong = [name for name in ARRAYS if not np.all(np.isfinite(arrays[name]))]
         if wrong:
@@ -191,10 +185,10 @@ def _check_numbers(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> None
 
 
 def _check_model(arrays: dict[str, np.ndarray], problem: Problem | None) -> None:
-    sizes = arrays["states"].shape[2], arrays["controls"].shape[2]
-    if problem is not None and sizes != (problem.system.x.numel(), problem.system.u.numel()):
+    shapes = arrays["states"].shape[2], arrays["controls"].shape[2]
+    if problem is not None and shapes != (problem.system.x.numel(), problem.system.u.numel()):
         wanted = problem.system.x.numel(), problem.system.u.numel()
-        raise ValueError(f"it has (nx, nu) = {sizes}, the system of the problem {wanted}")
+        raise ValueError(f"it has (nx, nu) = {shapes}, the system of the problem {wanted}")
 
 
 def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> Multipliers | None:
@@ -210,7 +204,7 @@ def _multipliers(held: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> 
 
 
 def _plain(structure: Structure) -> dict[str, object]:
-    """Return a structure as plain data: rows (name, kind, start, end); contacts (limit, side, control)."""
+    """Return a structure as JSON data: rows [name, kind, start, end], contacts [limit, side, control]."""
     arcs = [
         {
             "kinds": [kind.value for kind in arc.kinds],
@@ -240,12 +234,12 @@ def _contacts(about: list[list[int]]) -> tuple[Contact, ...]:
     result = tuple(Contact(int(limit), int(side), int(control)) for limit, side, control in about)
     wrong = [c for c in result if c.side not in (-1, 1) or c.limit < 0]
     if wrong:
-        raise ValueError(f"{wrong[0]!r} is no contact with a limit")
+        raise ValueError(f"{wrong[0]!r} is not a contact with a limit")
     return result
 
 
 def _without_nan(value: object) -> object:
-    """Return plain data with None for numbers that are not finite, which JSON does not have."""
+    """Return JSON data with None for NaN and infinite numbers, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _without_nan(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -261,11 +255,40 @@ def _numbers(about: dict[str, float]) -> dict[str, float]:
     return {str(name): float(value) for name, value in about.items()}
 
 
-def _scheme(about: dict[str, object]) -> Scheme:
-    name = about["name"]
-    if name not in SCHEMES:
-        raise ValueError(f"scheme {name!r} is unknown; known are {', '.join(SCHEMES)}")
-    return SCHEMES[str(name)](int(str(about["degree"])), Control(about["control"]))
+def _scheme_data(scheme: Scheme) -> dict[str, Any]:
+    """Return a scheme as JSON data: name, degree and control; for a scheme of no family all its other fields too."""
+    whole = {
+        one.name: np.asarray(getattr(scheme, one.name)).tolist() for one in fields(scheme) if one.name != "control"
+    }
+    short = {"name": scheme.name, "degree": scheme.degree, "control": scheme.control.value}
+    if scheme.name in FAMILIES:
+        own = FAMILIES[scheme.name](scheme.degree, scheme.control)
+        if all(np.array_equal(getattr(own, name), value) for name, value in whole.items()):
+            return short
+    return whole | short
+
+
+def _scheme(about: dict[str, Any]) -> Scheme:
+    name, degree, control = str(about["name"]), int(about["degree"]), Control(about["control"])
+    if "points" not in about:
+        if name not in FAMILIES:
+            raise ValueError(f"scheme {name!r} is unknown; known are {', '.join(FAMILIES)}")
+        return FAMILIES[name](degree, control)
+    points, weights, nodes = (checks.column(part, about[part]) for part in ("points", "weights", "nodes"))
+    state, rate = (np.array(about[part], dtype=float) for part in ("state", "rate"))
+    at, basis = (tuple(map(int, about[part])) for part in ("at", "basis"))
+    fits = (
+        len(points) == len(weights) == len(at) == degree and len(nodes) <= MOST_NODES
+        and state.ndim == rate.ndim == 2 and state.shape == (len(rate), len(nodes)) and rate.shape[1] == degree
+        and np.all(np.isfinite(state)) and np.all(np.isfinite(rate))
+        and all(0 <= index < len(nodes) for index in (*at, *basis))
+    )  # fmt: skip
+    if not fits:
+        raise ValueError(f"the data of scheme {name!r} do not fit together")
+    order = int(about["order"])
+    return Scheme(
+        name, degree, control, points, weights, nodes, at, state, rate, basis, bool(about["slope_at_start"]), order
+    )
 
 
 def _check_shapes(arrays: dict[str, np.ndarray], scheme: Scheme, grid: Grid) -> None:

@@ -1,4 +1,4 @@
-"""The switching structure of a motion as a value: which control is at which bound on which arc."""
+"""Switching structure of a motion: which control is at which bound on which arc."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ocp import checks
 
 
 class Kind(Enum):
-    """What a control or a state limit does on an arc; the value is what tables show."""
+    """Role of a control or a state limit on an arc; the value is what tables show."""
 
     LOWER = "lower"  # control at its lower limit
     UPPER = "upper"  # control at its upper limit
     INTERIOR = "interior"  # control between its limits, determined by optimality
-    HOLDING = "holding"  # control between its limits, determined by a state limit that it holds
+    HOLDING = "holding"  # control between its limits, determined by an active state limit
     LIMIT = "limit"  # state limit active along an arc
     TOUCH = "touch"  # state limit active at one instant
 
@@ -26,11 +26,11 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Contact:
-    """A state limit that is active: its number in `state_limits(problem)`, and which side."""
+    """An active state limit: its index in `state_limits(problem)`, and which side."""
 
     limit: int
     side: int  # -1 lower, 1 upper
-    control: int = -1  # that holds it along an arc
+    control: int = -1  # index of the control that keeps it active along an arc
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Arc:
     Args:
         kinds: of every control.
         held: state limits active along the arc.
-        touched: state limits active at the instant where the arc begins.
+        touched: state limits active only at the instant where the arc begins.
         duration: [s].
     """
 
@@ -50,7 +50,7 @@ class Arc:
     touched: tuple[Contact, ...] = ()
 
     def same(self, other: Arc) -> bool:
-        """Return whether the other arc only continues this one."""
+        """Return whether the other arc continues this one without a switch or touch point."""
         return self.kinds == other.kinds and self.held == other.held and not other.touched
 
 
@@ -68,8 +68,8 @@ class Structure:
     """The switching structure of a solution, control by control; iterating yields its rows.
 
     Args:
-        rows: of all controls, then of all state limits that are met.
-        arcs: the same as a sequence of arcs, as it is solved.
+        rows: of all controls, then of all state limits that become active.
+        arcs: the same as arcs in order of time.
     """
 
     rows: tuple[Row, ...]
@@ -81,11 +81,11 @@ class Structure:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, place: int) -> Row:
-        return self.rows[place]
+    def __getitem__(self, index: int) -> Row:
+        return self.rows[index]
 
     def switches(self, name: str) -> tuple[float, ...]:
-        """Return the times at which a control changes its kind of arc [s].
+        """Return the times at which the kind of a control changes [s].
 
         Raises:
             ValueError: no such control or limit in the table.

@@ -1,4 +1,4 @@
-"""Violations: by how much a motion exceeds its limits, also between the nodes, and the singularities it meets."""
+"""Constraint violations of a motion, also between the nodes, and the singularities that it meets."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
 from ocp.solution.solution import Solution
-from ocp.solution.state_scales import extent
+from ocp.solution.state_scales import state_scales
 from ocp.transcription.schemes.scheme import Control
 
-SAMPLES = 24  # places on each element at which limits are checked
+SAMPLES = 24  # points of each element at which limits are checked
 
 
 class Figure(float):
-    """A number with its unit, what it is relative to, and where it was found."""
+    """A number with its unit, the scale that it is relative to, and the component and time at which it occurs."""
 
     unit: str
     scale: str
@@ -48,7 +48,7 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
         scale: (nx,) sizes of the states; None for those of the motion.
     """
     results = []
-    scale = extent(solution, problem)[0] if scale is None else scale
+    scale = state_scales(solution, problem)[0] if scale is None else scale
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system
@@ -75,11 +75,11 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
     return results
 
 
-PLACES = np.linspace(0.0, 1.0, 11)  # of each element at which a motion is looked at
+POINTS = np.linspace(0.0, 1.0, 11)  # of each element at which singularities are looked for
 
 
 def touched(solutions: list[Solution]) -> Iterator[str]:
-    """Yield the singularities that motions meet, at their nodes or between; their equations have no meaning there.
+    """Yield a sentence for every singularity of the equations that a motion meets, at its nodes or between them.
 
     Args:
         solutions: of any status.
@@ -90,17 +90,17 @@ def touched(solutions: list[Solution]) -> Iterator[str]:
             continue
         if not solution.duration > 0.0:
             continue
-        t, x, _, _ = solution.samples(PLACES)
+        t, x, _, _ = solution.samples(POINTS)
         result = meeting(system, x, solution.parameters.tolist())
         if result:
             yield f"the motion meets a singularity at t = {t[result.row]:.4g} s: {result.words}"
 
 
-MATTERS = 1e-3  # share of its range by which a control between points may exceed its limit without a remark
+MATTERS = 1e-3  # share of its range by which a control may exceed its limit between points without a message
 
 
 def between_points(solution: Solution) -> list[str]:
-    """Say where a collocated control leaves its limits between the points, if by a noticeable share of its range."""
+    """Return a sentence if a collocated control leaves its limits between the points by a noticeable share of them."""
     if solution.scheme.control is not Control.COLLOCATED or solution.problem is None or solution.duration <= 0.0:
         return []
     system = solution.problem.system

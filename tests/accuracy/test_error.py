@@ -42,15 +42,15 @@ def test_calibration_on_a_few():
     )
     schemes = (radau(3), radau(3, Control.COLLOCATED), legendre(3, Control.COLLOCATED))
     bounded, median = calibration.summary(list(calibration.measure(names, schemes, (10, 20))))
-    assert bounded >= 0.95
-    assert median < 20.0
+    assert bounded == 1.0
+    assert 2.0 <= median < 6.0  # 4.7 measured; the factor of safety alone makes it 2
 
 
 @pytest.mark.slow
 def test_calibration():
     bounded, median = calibration.summary(list(calibration.measure(calibration.QUICK)))
-    assert bounded >= 0.95
-    assert median <= 100.0
+    assert bounded >= 0.985  # 99.1 % measured, the rest on cart-pole grids that do not resolve the swing
+    assert 2.0 <= median < 3.0  # 2.4 measured
 
 
 def test_estimate_is_sharp_for_smooth_problems():
@@ -69,7 +69,7 @@ def test_drift_is_that_of_an_independent_integration():
     np.testing.assert_allclose(errors.states, np.max(np.abs(apart), axis=0), rtol=2e-2)
 
 
-def test_moved_state_has_the_price_of_its_costate():
+def test_moved_state_changes_the_cost_by_its_costate():
     known = problems.lift_fastest()
     solution = solve(known.problem, grid=uniform(20))
     states = np.array(solution.states)
@@ -78,14 +78,14 @@ def test_moved_state_has_the_price_of_its_costate():
     states[6:, 1:, 0] += 1e-5
     states[-1, -1, 0] -= 1e-5
     more = estimate(replace(solution, states=states)).dynamics - estimate(solution).dynamics
-    # A jump up by 1e-5 and one down at the end, both priced by the same costate, as height does not enter the rate.
+    # A jump up by 1e-5 and one down at the end, both multiplied by the same costate, as height does not enter the rate.
     assert abs(more) < 1e-8
     states[-1, -1, 0] += 1e-5
     more = estimate(replace(solution, states=states)).dynamics - estimate(solution).dynamics
     assert more == pytest.approx(-1e-5 * solution.costates[5, -1, 0], rel=1e-6)
 
 
-def test_limits_left_between_points_are_priced():
+def test_limits_exceeded_between_points_have_a_cost():
     known = problems.lift_fastest()
     assert estimate(solve(known.problem, grid=uniform(7))).overshoot < 1e-9
     assert estimate(solve(known.problem, radau(3, Control.COLLOCATED), uniform(7))).overshoot > 1e-5
@@ -124,9 +124,9 @@ def test_least_hamiltonian_of_coupled_controls():
     )  # fmt: skip
     solution = solve(task, radau(2), uniform(4))
     assert solution.ok
-    found = minimise(solution, task, np.array([0.2, 0.7]))
+    result = minimise(solution, task, np.array([0.2, 0.7]))
     slope = np.array([1.0, 3.0])
-    np.testing.assert_allclose(found.least, -2.0 * np.sqrt(slope @ np.linalg.solve(Q, slope)), rtol=1e-6)
+    np.testing.assert_allclose(result.least, -2.0 * np.sqrt(slope @ np.linalg.solve(Q, slope)), rtol=1e-6)
 
 
 @pytest.mark.parametrize("scheme", [radau(3), legendre(3), lobatto(3), radau(3, Control.LINEAR)], ids=repr)
@@ -155,5 +155,5 @@ def test_multipliers_save_iterations_on_a_finer_grid(make):
 
 def test_singular_steps_are_the_least_ones():
     stack = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
-    found = solved(stack, np.array([[4.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
-    assert found == pytest.approx(np.array([[2.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
+    result = solved(stack, np.array([[4.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
+    assert result == pytest.approx(np.array([[2.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))

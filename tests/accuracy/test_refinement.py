@@ -33,15 +33,15 @@ def ladder(make, tol, scheme=None):
 @pytest.mark.parametrize("scheme", [None, COLLOCATED], ids=["constant", "collocated"])
 @pytest.mark.parametrize("make", [problems.cops, problems.two_link, problems.lift_fastest], ids=lambda m: m.__name__)
 def test_reaches_the_tolerance(make, scheme):
-    rungs = ladder(make, 1e-6, scheme)
-    last = rungs[-1]
+    steps = ladder(make, 1e-6, scheme)
+    last = steps[-1]
     assert last.accuracy.met
     assert last.accuracy.reason == "the tolerance is met"
     assert abs(last.cost - make().cost) <= 1e-6
-    assert all(abs(rung.cost - make().cost) <= rung.accuracy.error for rung in rungs)
-    seconds = [rung.accuracy.seconds for rung in rungs]
+    assert all(abs(step.cost - make().cost) <= step.accuracy.error for step in steps)
+    seconds = [step.accuracy.seconds for step in steps]
     assert np.all(np.diff(seconds) > 0.0)
-    assert not any(rung.accuracy.reason for rung in rungs[:-1])
+    assert not any(step.accuracy.reason for step in steps[:-1])
 
 
 def test_few_elements_do_what_a_uniform_grid_needs_thousands_for():
@@ -59,10 +59,10 @@ def test_controls_keep_their_limits_by_default():
 
 def test_smooth_problem_raises_the_degree():
     known = problems.straight_line("cylindrical")
-    rungs = list(solve_to_accuracy(known.problem, Share(1e-9), guess=known.guess, grid=uniform(6)))
-    assert rungs[-1].accuracy.met
-    assert rungs[-1].scheme.degree > rungs[0].scheme.degree
-    assert rungs[-1].cost == pytest.approx(known.cost, rel=1e-9)
+    steps = list(solve_to_accuracy(known.problem, Share(1e-9), guess=known.guess, grid=uniform(6)))
+    assert steps[-1].accuracy.met
+    assert steps[-1].scheme.degree > steps[0].scheme.degree
+    assert steps[-1].cost == pytest.approx(known.cost, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -85,39 +85,39 @@ def test_tolerances_in_other_terms():
 
 
 def test_budget_of_elements():
-    rungs = list(solve_to_accuracy(problems.cops().problem, 1e-12, elements=40))
-    assert len(rungs[-1].grid) <= 40
-    assert not rungs[-1].accuracy.met
-    assert "40 are allowed" in rungs[-1].message
-    assert rungs[-1].accuracy.error < rungs[0].accuracy.error
+    steps = list(solve_to_accuracy(problems.cops().problem, 1e-12, elements=40))
+    assert len(steps[-1].grid) <= 40
+    assert not steps[-1].accuracy.met
+    assert "40 are allowed" in steps[-1].message
+    assert steps[-1].accuracy.error < steps[0].accuracy.error
 
 
 def test_budget_of_seconds():
-    rungs = list(solve_to_accuracy(problems.two_link().problem, 1e-15, seconds=0.4))
-    assert rungs[-1].accuracy.reason
-    assert rungs[0].ok
+    steps = list(solve_to_accuracy(problems.two_link().problem, 1e-15, seconds=0.4))
+    assert steps[-1].accuracy.reason
+    assert steps[0].ok
 
 
 def test_failure_is_the_last_rung():
-    rungs = list(solve_to_accuracy(problems.cops().problem, solver=Ipopt(max_iter=3)))
-    assert len(rungs) == 1
-    assert rungs[0].status is Status.LIMIT
-    assert rungs[0].accuracy.error == np.inf
-    assert Status.LIMIT.value in rungs[0].accuracy.reason
+    steps = list(solve_to_accuracy(problems.cops().problem, solver=Ipopt(max_iter=3)))
+    assert len(steps) == 1
+    assert steps[0].status is Status.LIMIT
+    assert steps[0].accuracy.error == np.inf
+    assert Status.LIMIT.value in steps[0].accuracy.reason
 
 
 def test_finish_is_the_last_rung_if_it_is_better():
     best = ladder(problems.lift_fastest, 1e-6)[-1]
-    rungs = list(solve_to_accuracy(problems.lift_fastest().problem, 1e-6, finish=lambda _: best))
-    assert len(rungs) == 2
-    assert rungs[-1].cost == best.cost
-    assert rungs[-1].accuracy.met
+    steps = list(solve_to_accuracy(problems.lift_fastest().problem, 1e-6, finish=lambda _: best))
+    assert len(steps) == 2
+    assert steps[-1].cost == best.cost
+    assert steps[-1].accuracy.met
     worse = solve(problems.lift_fastest().problem, grid=uniform(3))
-    rungs = list(solve_to_accuracy(problems.lift_fastest().problem, 1e-6, finish=lambda _: worse))
-    assert rungs[-1].cost != worse.cost
+    steps = list(solve_to_accuracy(problems.lift_fastest().problem, 1e-6, finish=lambda _: worse))
+    assert steps[-1].cost != worse.cost
 
 
 def test_multipliers_save_iterations_along_the_ladder():
-    rungs = ladder(problems.two_link, 1e-6)
-    cold = [solve(rung.problem, rung.scheme, rung.grid, Ipopt(tol=1e-10)).iterations for rung in rungs[1:]]
-    assert sum(rung.iterations for rung in rungs[1:]) < sum(cold)
+    steps = ladder(problems.two_link, 1e-6)
+    cold = [solve(step.problem, step.scheme, step.grid, Ipopt(tol=1e-10)).iterations for step in steps[1:]]
+    assert sum(step.iterations for step in steps[1:]) < sum(cold)

@@ -1,6 +1,8 @@
 """Verification: small figures for a good solution, and the right figure grows when a solution is damaged."""
 
+import ast
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -88,10 +90,10 @@ def test_figures_say_what_they_are():
 def test_good_solutions_of_all_schemes(make, control):
     # Constant force on each element: the motion is a polynomial of degree two, exact for all.
     limits = start(x, 0), end(x, [0.8, 0])
-    found = solve(Problem(lift, Fixed(0.7), Bolza(running=u**2), limits), make(3, control), uniform(20))
-    assert verify(found).drift < 1e-9
-    assert verify(found).energy < 1e-9
-    assert verify(found).violation < 1e-9
+    result = solve(Problem(lift, Fixed(0.7), Bolza(running=u**2), limits), make(3, control), uniform(20))
+    assert verify(result).drift < 1e-9
+    assert verify(result).energy < 1e-9
+    assert verify(result).violation < 1e-9
 
 
 def test_moved_states_drift():
@@ -101,118 +103,136 @@ def test_moved_states_drift():
     assert damaged(states=states).drift == pytest.approx(report.drift, abs=1e-9)  # inside: nodes alone are compared
     states[k, -1, 0] += 1e-3
     states[k + 1, 0, 0] += 1e-3
-    found = damaged(states=states)
+    result = damaged(states=states)
     top = np.max(np.abs(good.states[:, :, 0]))
-    assert found.drift == pytest.approx(1e-3 / top, rel=1e-6)
-    assert (found.drift.what, found.drift.at) == ("height", pytest.approx(good.nodes[k + 1]))
-    assert found.drift_end < 1e-9
+    assert result.drift == pytest.approx(1e-3 / top, rel=1e-6)
+    assert (result.drift.what, result.drift.at) == ("height", pytest.approx(good.nodes[k + 1]))
+    assert result.drift_end < 1e-9
     assert any(
-        "the re-integrated motion drifts away" in sentence and "height" in sentence for sentence in found.failures
+        "the re-integrated motion drifts away" in sentence and "height" in sentence for sentence in result.failures
     )
-    assert "not verified" in str(found)
+    assert "not verified" in str(result)
 
 
 def test_changed_control_drifts():
-    found = damaged(controls=scaled(good.controls, 0.9, 0))
-    assert found.drift > 1e-2
-    assert found.drift_end > 1e-2
-    assert not found.ok
+    result = damaged(controls=scaled(good.controls, 0.9, 0))
+    assert result.drift > 1e-2
+    assert result.drift_end > 1e-2
+    assert not result.ok
 
 
 def test_changed_duration_drifts():
-    found = damaged(duration=1.001 * good.duration)
-    assert found.drift > 1e-4
-    assert any("drifts away" in sentence for sentence in found.failures)
+    result = damaged(duration=1.001 * good.duration)
+    assert result.drift > 1e-4
+    assert any("drifts away" in sentence for sentence in result.failures)
 
 
 def test_exceeded_limit_is_a_violation():
-    found = damaged(controls=scaled(good.controls, 1.1, 3))
-    assert found.violation == pytest.approx(0.1 * 20 / 40, rel=1e-4)
-    assert found.violation.what == "force"
-    assert good.nodes[3] <= found.violation.at <= good.nodes[4]
-    assert found.excess[-1] == pytest.approx(2.0, rel=1e-4)
-    assert any("a limit is exceeded" in sentence and "force" in sentence for sentence in found.failures)
+    result = damaged(controls=scaled(good.controls, 1.1, 3))
+    assert result.violation == pytest.approx(0.1 * 20 / 40, rel=1e-4)
+    assert result.violation.what == "force"
+    assert good.nodes[3] <= result.violation.at <= good.nodes[4]
+    assert result.excess[-1] == pytest.approx(2.0, rel=1e-4)
+    assert any("a limit is exceeded" in sentence and "force" in sentence for sentence in result.failures)
 
 
 def test_limit_between_points_is_looked_at():
     # The interpolant of two values within the limits leaves them outside of its points.
-    found = solve(FASTEST, radau(3, Control.COLLOCATED), uniform(7))
-    beyond = np.max(np.abs(found.u(np.linspace(0.0, found.duration, 5001)))) - 20.0
+    result = solve(FASTEST, radau(3, Control.COLLOCATED), uniform(7))
+    beyond = np.max(np.abs(result.u(np.linspace(0.0, result.duration, 5001)))) - 20.0
     assert beyond > 0.1
-    assert verify(found).excess[-1] == pytest.approx(beyond, rel=0.05)
-    assert not verify(found).ok
+    assert verify(result).excess[-1] == pytest.approx(beyond, rel=0.05)
+    assert not verify(result).ok
+
+
+def test_the_defects_of_the_transcription_play_no_part():
+    # A scheme whose defect equations are not even numbers, but whose interpolants are those of the solve.
+    nothing = np.full_like(good.scheme.state, np.nan), np.full_like(good.scheme.rate, np.nan)
+    other = verify(replace(good, scheme=replace(good.scheme, state=nothing[0], rate=nothing[1])))
+    assert str(other) == str(report)
+
+
+def test_verification_imports_neither_the_nlp_nor_the_solver():
+    room = Path(__file__).resolve().parents[2] / "ocp" / "accuracy"
+    imported = set()
+    for name in ("verification", "optimality_figures", "even_multipliers", "report"):
+        for node in ast.walk(ast.parse((room / f"{name}.py").read_text(encoding="utf-8"))):
+            imported |= {node.module} if isinstance(node, ast.ImportFrom) else set()
+    foreign = ("ocp.transcription", "ocp.solving", "ocp.arcs", "ocp.sensitivities", "ocp.accuracy.error_estimate")
+    # Of the scheme only the shape of the control, which says where multipliers of state limits are a saw-tooth.
+    assert {name for name in imported if name.startswith(foreign)} == {"ocp.transcription.schemes.scheme"}
 
 
 def test_missed_ends_are_violations():
     states = np.array(good.states)
     states[0, 0, 0], states[-1, -1, 0] = 0.02, 0.83
-    found = damaged(states=states)
-    assert found.excess[0] == pytest.approx(0.02)
-    assert found.excess[2] == pytest.approx(0.03)
-    assert found.violation.what == "height"
+    result = damaged(states=states)
+    assert result.excess[0] == pytest.approx(0.02)
+    assert result.excess[2] == pytest.approx(0.03)
+    assert result.violation.what == "height"
 
 
 def test_scaled_costates_show_in_the_hamiltonian():
-    found = damaged(costates=1.5 * good.costates)
-    assert found.hamiltonian_value == pytest.approx(-1.5, abs=1e-3)
-    assert found.hamiltonian > 0.25
-    assert any("Hamiltonian" in sentence for sentence in found.failures)
+    result = damaged(costates=1.5 * good.costates)
+    assert result.hamiltonian_value == pytest.approx(-1.5, abs=1e-3)
+    assert result.hamiltonian > 0.25
+    assert any("Hamiltonian" in sentence for sentence in result.failures)
 
 
 def test_turned_costates_show_in_the_switching_function():
     # Every bang is now at the wrong limit: the gain is the integral of |lambda_v| times the range of 40.
-    found = damaged(costates=-good.costates)
+    result = damaged(costates=-good.costates)
     weights = (good.duration * good.grid.widths[:, None] * good.scheme.weights)[:, :, None]
-    assert found.switching == pytest.approx(
+    assert result.switching == pytest.approx(
         np.sum(weights * np.abs(good.costates[:, :, 1:])) * 40.0 / good.cost, rel=0.01
     )
-    assert any("switching functions leave a gain" in sentence for sentence in found.failures)
+    assert any("switching functions leave a gain" in sentence for sentence in result.failures)
 
 
 def test_control_off_its_limit_shows_in_the_switching_function():
     # 10 N less than the limit on three elements at the start, where the drive lifts.
-    found = damaged(controls=scaled(good.controls, 0.5, slice(0, 3)))
+    result = damaged(controls=scaled(good.controls, 0.5, slice(0, 3)))
     weights = (good.duration * good.grid.widths[:, None] * good.scheme.weights)[:3]
     added = np.sum(weights * np.abs(good.costates[:3, :, 1])) * 10.0 / good.cost
-    assert found.switching == pytest.approx(report.switching + added, rel=1e-6)
-    assert any("switching functions leave a gain" in sentence for sentence in found.failures)
+    assert result.switching == pytest.approx(report.switching + added, rel=1e-6)
+    assert any("switching functions leave a gain" in sentence for sentence in result.failures)
 
 
 def test_failed_solver_is_a_failure():
-    found = damaged(status=Status.LIMIT)
-    assert found.failures == ("the solver ended with LIMIT",)
-    assert not found.ok
+    result = damaged(status=Status.LIMIT)
+    assert result.failures == ("the solver ended with LIMIT",)
+    assert not result.ok
 
 
 def test_states_that_are_no_numbers():
     states = np.array(good.states)
     states[4, 1, 0] = np.nan
-    found = damaged(states=states)
-    assert np.isnan(found.drift)
-    assert not found.ok
+    result = damaged(states=states)
+    assert np.isnan(result.drift)
+    assert not result.ok
 
 
 def test_open_energy_balance():
     wrong = System(x, u, none, lift.rate, {**ENERGY, "power": 1.01 * u * x[1]}, {}, LABELS)
-    found = verify(replace(good, problem=replace(FASTEST, system=wrong)))
-    assert found.energy > 1e-3
-    assert any("energy balance" in sentence for sentence in found.failures)
+    result = verify(replace(good, problem=replace(FASTEST, system=wrong)))
+    assert result.energy > 1e-3
+    assert any("energy balance" in sentence for sentence in result.failures)
 
 
 def test_losses_close_the_energy_balance():
     rough = System(x, u, none, ca.vertcat(x[1], u - 9.81 - 3.0 * x[1]), {**ENERGY, "loss": 3.0 * x[1] ** 2}, {}, LABELS)
-    found = verify(solve(replace(FASTEST, system=rough), grid=uniform(30)))
-    assert found.energy < 1e-9
+    result = verify(solve(replace(FASTEST, system=rough), grid=uniform(30)))
+    assert result.energy < 1e-9
     del rough.signals["loss"]
     assert verify(solve(replace(FASTEST, system=rough), grid=uniform(30))).energy > 1e-2
 
 
 def test_energy_without_signals_is_undefined():
     bare = System(x, u, none, lift.rate)
-    found = verify(solve(replace(FASTEST, system=bare), grid=uniform(30)))
-    assert np.isnan(found.energy)
-    assert found.energy.what == "undefined"
-    assert found.ok
+    result = verify(solve(replace(FASTEST, system=bare), grid=uniform(30)))
+    assert np.isnan(result.energy)
+    assert result.energy.what == "undefined"
+    assert result.ok
 
 
 def test_state_that_stays_zero_has_no_drift():
@@ -220,23 +240,23 @@ def test_state_that_stays_zero_has_no_drift():
     z = ca.SX.sym("z", 3)
     idle = System(z, u, none, ca.vertcat(z[1], u, ca.sin(z[0]) ** 2 + ca.cos(z[0]) ** 2 - 1))
     task = Problem(idle, Free(1.0), subject_to=(start(z, 0), end(z[:2], [1, 0]), along(u, -1, 1)))
-    found = solve(task, grid=uniform(10))
-    assert np.max(np.abs(found.states[:, :, 2])) < 1e-15
-    assert verify(found).drift < 1e-9
+    result = solve(task, grid=uniform(10))
+    assert np.max(np.abs(result.states[:, :, 2])) < 1e-15
+    assert verify(result).drift < 1e-9
 
 
 def test_machine_is_verified():
     arm = canonical(cylindrical(), [Gravity()])
     task = point_to_point(arm, [0, 0.2, 0.8], [1.0, 0.5, 0.6], tau=[60.0, 900.0, 120.0])
-    found = verify(solve(task, grid=uniform(40)))
-    assert found.ok, str(found)
-    assert found.energy < 1e-8
+    result = verify(solve(task, grid=uniform(40)))
+    assert result.ok, str(result)
+    assert result.energy < 1e-8
 
 
 def test_loaded_solution_needs_its_problem(tmp_path):
     save(good, tmp_path / "good.npz")
     loaded = load(tmp_path / "good.npz")
-    with pytest.raises(ValueError, match=r"verify: .* loaded without its model; pass problem="):
+    with pytest.raises(ValueError, match=r"verify: .* loaded without its problem; pass problem="):
         verify(loaded)
     assert float(verify(loaded, FASTEST).drift) == float(report.drift)
 
@@ -270,9 +290,9 @@ def test_interior_controls_of_a_curved_cost_leave_no_gain(control):
     # of 12 by 12 (t - middle): the integral of that squared is 12^2 / (12 * 20^2) = 0.03, and this is the gain.
     rest = System(x, u, none, ca.vertcat(x[1], u), labels=LABELS)
     task = Problem(rest, Fixed(1.0), Bolza(running=u**2), (start(x, 0), end(x, [1, 0]), along(u, -100, 100)))
-    found = verify(solve(task, radau(3, control=control), uniform(20)))
-    assert found.ok, str(found)
-    assert found.switching == pytest.approx(0.03 / 12.0 if control is Control.CONSTANT else 0.0, abs=1e-4)
+    result = verify(solve(task, radau(3, control=control), uniform(20)))
+    assert result.ok, str(result)
+    assert result.switching == pytest.approx(0.03 / 12.0 if control is Control.CONSTANT else 0.0, abs=1e-4)
     assert damaged_gain(task, control) > 0.02
 
 

@@ -1,4 +1,4 @@
-"""Scene files that cannot be used: what is changed in a sound one, and the whole sentence that the user is told."""
+"""Scene files that cannot be used: what is changed in a sound one, and the name of each case."""
 
 SOUND = """machine = "spherical"
 form = "canonical"
@@ -50,7 +50,7 @@ BROKEN = [
      "[effects.winding_heat]\nresistance = 1.0\ncapacity = 1.0\n[limits]"),
     ("unknown signal", "tau = [", "torque = ["),
     ("wrong length of a limit", "tau = [280.0, 170.0, 3.5, 420.0]", "tau = [280.0, 170.0, 3.5]"),
-    ("negative magnitude", "tau = [280.0", "tau = [-280.0"),
+    ("negative limit", "tau = [280.0", "tau = [-280.0"),
     ("lower above upper", "lower = [0.15", "lower = [3.15"),
     ("infinite limit", "tau = [280.0", "tau = [inf"),
     ("limit of wrong type", "tau = [280.0, 170.0, 3.5, 420.0]", 'tau = "280 N m"'),

@@ -85,5 +85,5 @@ def measure(names=KNOWN, schemes=SCHEMES, grids=GRIDS):
 
 def summary(cases):
     """Return the share of bounded cases, and the median ratio, of those above rounding."""
-    told = [case for case in cases if not case.rounding]
-    return float(np.mean([case.bounded for case in told])), float(np.median([case.ratio for case in told]))
+    counted = [case for case in cases if not case.rounding]
+    return float(np.mean([case.bounded for case in counted])), float(np.median([case.ratio for case in counted]))

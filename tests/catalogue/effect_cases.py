@@ -33,8 +33,8 @@ def swing(t):
     return ca.vertcat(30.0 * ca.sin(5.0 * t), 10.0, -20.0 * ca.cos(3.0 * t))
 
 
-def stiff(place, velocity):
-    return -200.0 * place - 5.0 * velocity
+def stiff(position, velocity):
+    return -200.0 * position - 5.0 * velocity
 
 
 CASES = {

@@ -1,4 +1,4 @@
-"""Problems that cannot be solved as they stand, or barely; docs/failures.md shows what the user is told."""
+"""Problems that cannot be solved as they stand, or barely; docs/failures.md shows the messages."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def system(x, u, rate, **signals):
 
 
 def cops():
-    """No mechanics: the terms with the rate of I are dropped, as in the source."""
+    """No mechanics: the terms with the rate of I are dropped, as COPS does."""
     x, u, length = ca.SX.sym("x", 6), ca.SX.sym("u", 3), 5.0
     rho, phi = x[0], x[2]
     inertia = ((length - rho) ** 3 + rho**3) / 3

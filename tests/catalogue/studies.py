@@ -1,4 +1,4 @@
-"""Studies whose answers are known, for tests in several processes."""
+"""Studies with known results, for tests in several processes."""
 
 import os
 import time

@@ -56,9 +56,9 @@ def changes_of_sign(solution, i):
 def assert_switches(solution, known):
     element = solution.duration / len(solution.grid)
     for i, expected in enumerate(known.switches):
-        found = changes_of_sign(solution, i)
-        assert len(found) == len(expected), f"{known.name}: control {i} changes sign at {found}, expected {expected}"
-        np.testing.assert_allclose(found, expected, rtol=0, atol=element, err_msg=f"{known.name}: control {i}")
+        result = changes_of_sign(solution, i)
+        assert len(result) == len(expected), f"{known.name}: control {i} changes sign at {result}, expected {expected}"
+        np.testing.assert_allclose(result, expected, rtol=0, atol=element, err_msg=f"{known.name}: control {i}")
 
 
 @pytest.mark.parametrize("name", EXACT)
@@ -136,7 +136,7 @@ def test_bang_bang_optimum(name):
 
 @pytest.mark.parametrize("elements", [9, 40])
 def test_constant_control_finds_the_optimum_of_its_grid(elements):
-    # One element mixes both accelerations; speed zero at the end says how, the distance says how long an element is.
+    # One element mixes both accelerations. Speed zero at the end gives the mixture, the distance the length of elements.
     known = problems.lift_fastest()
     up, down = 60.0 / 3.0 - 9.81, -60.0 / 3.0 - 9.81
     lifting = int(elements * down / (down - up))

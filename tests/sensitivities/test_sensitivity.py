@@ -43,38 +43,38 @@ def cheapest(duration=1.2, way=WAY, highest=np.inf, fast=np.inf, system=AXIS):
 @pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
 def test_double_integrator_is_exact(finish):
     solution = finish(solve(fastest(), solver=TIGHT))
-    found = sensitivity(solution, toward={"limit": fastest(limit=LIMIT + 1), "way": fastest(way=WAY + 1)})
+    result = sensitivity(solution, toward={"limit": fastest(limit=LIMIT + 1), "way": fastest(way=WAY + 1)})
     exact = {"m": LEAST / (2 * M), "limit": -LEAST / (2 * LIMIT), "way": LEAST / (2 * WAY)}
-    assert found.names == ("m", "limit", "way")
-    assert dict(found.duration) == pytest.approx(exact, rel=1e-11)
-    assert dict(found.cost) == pytest.approx(exact, rel=1e-11)
-    assert (found.notes, set(found.valid.values())) == ((), {(True, True)})
+    assert result.names == ("m", "limit", "way")
+    assert dict(result.duration) == pytest.approx(exact, rel=1e-11)
+    assert dict(result.cost) == pytest.approx(exact, rel=1e-11)
+    assert (result.notes, set(result.valid.values())) == ((), {(True, True)})
     t = np.array([0.11, 0.23, 0.31, 0.43]) * solution.duration
     # x = u t^2/(2 m) and x' = u t/m until the switch; at a share of the duration x = 2 d share^2.
     late = np.stack([-LIMIT * t**2 / (2 * M**2), -LIMIT * t / M**2], axis=1)
-    np.testing.assert_allclose(found.x(t, Held.TIME)["m"], late, rtol=1e-9)
+    np.testing.assert_allclose(result.x(t, Held.TIME)["m"], late, rtol=1e-9)
     share = t / solution.duration
-    np.testing.assert_allclose(found.signal("q", t)["m"][:, 0], 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.signal("q", t)["way"][:, 0], 2 * share**2, rtol=1e-10)
-    np.testing.assert_allclose(found.signal(x[0] * m, t)["m"][:, 0], 2 * WAY * share**2, rtol=1e-10)
-    np.testing.assert_allclose(found.u(t)["limit"], 1.0, rtol=1e-12)
-    np.testing.assert_allclose(found.u(solution.duration * 0.8)["limit"], -1.0, rtol=1e-12)
+    np.testing.assert_allclose(result.signal("q", t)["m"][:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(result.signal("q", t)["way"][:, 0], 2 * share**2, rtol=1e-10)
+    np.testing.assert_allclose(result.signal(x[0] * m, t)["m"][:, 0], 2 * WAY * share**2, rtol=1e-10)
+    np.testing.assert_allclose(result.u(t)["limit"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(result.u(solution.duration * 0.8)["limit"], -1.0, rtol=1e-12)
     if solution.structure is None:
-        assert found.switching is None
+        assert result.switching is None
         with pytest.raises(ValueError, match="polish"):
-            found.switches("u")
+            result.switches("u")
     else:
         for name, derivative in exact.items():
-            np.testing.assert_allclose(found.switches("u")[name], derivative / 2, rtol=1e-11)
+            np.testing.assert_allclose(result.switches("u")[name], derivative / 2, rtol=1e-11)
 
 
-def test_prices_of_limits_are_what_the_cost_does():
-    found = sensitivity(polish(solve(fastest(), solver=TIGHT)))
-    price = {(one.name, one.where.value, one.side): one.cost for one in found.limits}
-    assert price["q", "end", "value"] == pytest.approx(LEAST / (2 * WAY), rel=1e-9)
+def test_multipliers_of_limits_are_derivatives_of_the_cost():
+    result = sensitivity(polish(solve(fastest(), solver=TIGHT)))
+    cost = {(one.name, one.where.value, one.side): one.cost for one in result.limits}
+    assert cost["q", "end", "value"] == pytest.approx(LEAST / (2 * WAY), rel=1e-9)
     # Both limits of the control together are the derivative by their common number, half of it each.
-    assert price["tau", "along", "upper"] == pytest.approx(-LEAST / (4 * LIMIT), rel=1e-9)
-    assert price["tau", "along", "lower"] == pytest.approx(LEAST / (4 * LIMIT), rel=1e-9)
+    assert cost["tau", "along", "upper"] == pytest.approx(-LEAST / (4 * LIMIT), rel=1e-9)
+    assert cost["tau", "along", "lower"] == pytest.approx(LEAST / (4 * LIMIT), rel=1e-9)
 
 
 LIMITS = np.array([260.0, 160.0, 3.0, 400.0])
@@ -92,7 +92,7 @@ def arm():
     return canonical(machine, [Gravity(), Viscous(Parameter(0.5))])
 
 
-def reach(more=0.0):
+def arm_task(more=0.0):
     """The default task of the spherical machine, the third drive stronger by `more`."""
     q = [0.15, -3.0, -3.0, 0.6], [2.8, 3.0, 3.0, 1.1]
     tau = LIMITS + more * np.eye(4)[2]
@@ -100,8 +100,8 @@ def reach(more=0.0):
 
 
 @cache
-def reached():
-    solution = solve(reach(), radau(3), uniform(50), TIGHT)
+def arm_solutions():
+    solution = solve(arm_task(), radau(3), uniform(50), TIGHT)
     assert solution.ok
     return solution, polish(solution)
 
@@ -109,54 +109,55 @@ def reached():
 SIZES = {"m_3": 15.0, "s_2": 0.3, "viscous.c": 0.5, "limit": 3.0}
 
 
-@pytest.mark.parametrize("name", SIZES)
-def test_spherical_machine_against_differences_of_solves(name):
-    solution, _ = reached()
-    found = sensitivity(solution, toward={"limit": reach(1.0)})
-    assert found.notes == ()
-    share = np.linspace(0.013, 0.987, 31)
-    step, sides = 1e-5 * SIZES[name], []
-    for sign in (1.0, -1.0):
-        task = reach(sign * step) if name == "limit" else reach()
-        values = dict(solution.values) if name == "limit" else {**solution.values, name: SIZES[name] + sign * step}
-        again = solve(task, radau(3), uniform(50), Ipopt(tol=1e-13), solution, values)
-        assert again.ok
-        t = share * again.duration
-        sides.append((again.duration, again.signal("tau", t), again.signal("v", t)))
-    duration, tau, v = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))
-    t = share * solution.duration
-    assert found.duration[name] == pytest.approx(duration, rel=1e-5)
-    assert found.cost[name] == pytest.approx(duration, rel=1e-5)
-    for signal, difference in (("tau", tau), ("v", v)):
-        mine = found.signal(signal, t)[name]
-        np.testing.assert_allclose(mine, difference, rtol=0, atol=1e-5 * np.max(np.abs(difference)))
+@pytest.mark.parametrize("name", problems.MASSLESS)
+def test_machines_with_massless_links_have_the_derivatives_of_a_straight_line(name):
+    # A mass m moved straight over d in T by a force f: E = 12 m^2 d^2/T^3 + m^2 g^2 T, f = m (6 d/T^2 (1 - 2 t/T) + g).
+    mass, duration, g = 2.0, 1.2, problems.G
+    known = problems.straight_line(name, mass=Parameter(mass))
+    scheme = radau(3, ocp.Control.COLLOCATED)
+    solution = solve(known.problem, scheme, uniform(30), TIGHT, known.guess)
+    assert solution.ok
+    longer = replace(known.problem, horizon=Fixed(duration + 1.0))
+    result = sensitivity(solution, "m_3", {"duration": longer})
+    weight = mass**2 * g**2
+    way = known.cost - weight * duration  # 12 m^2 d^2/T^3
+    assert result.cost["m_3"] == pytest.approx(2.0 * known.cost / mass, rel=1e-6)
+    assert result.cost["duration"] == pytest.approx(weight - 3.0 * way / duration, rel=1e-6)
+    assert result.duration["duration"] == pytest.approx(1.0, rel=1e-12)
+    assert result.duration["m_3"] == pytest.approx(0.0, abs=1e-12)
+    # At a share of the duration the path does not depend on the mass, and the force is proportional to it.
+    share = np.linspace(0.0, 1.0, 9) * solution.duration
+    np.testing.assert_allclose(result.signal("tool", share)["m_3"], 0.0, atol=1e-6)
+    np.testing.assert_allclose(result.signal("tool", share)["duration"], 0.0, atol=1e-6)
+    tau = solution.signal("tau", share)
+    np.testing.assert_allclose(result.signal("tau", share)["m_3"], tau / mass, rtol=0, atol=1e-5 * np.max(np.abs(tau)))
 
 
 @pytest.mark.parametrize("name", SIZES)
 def test_polished_spherical_machine_against_differences_of_the_same_structure(name):
-    _, best = reached()
+    _, best = arm_solutions()
     assert best.structure is not None
     assert any(row.name == "r" for row in best.structure)  # a limit of a state is held
-    found = sensitivity(best, toward={"limit": reach(1.0)})
-    assert found.notes == ()
+    result = sensitivity(best, toward={"limit": arm_task(1.0)})
+    assert result.notes == ()
     ends = np.cumsum([arc.duration for arc in best.structure.arcs])
     arc = np.searchsorted(ends, (best.nodes[:-1] + best.nodes[1:]) / 2)
     step, sides = 1e-5 * SIZES[name], []
     for sign in (1.0, -1.0):
-        task = reach(sign * step) if name == "limit" else reach()
+        task = arm_task(sign * step) if name == "limit" else arm_task()
         values = dict(best.values) if name == "limit" else {**best.values, name: SIZES[name] + sign * step}
         posed, elements = arc_problem(task, best.scheme, values), tuple(np.bincount(arc).tolist())
         again = prepare_arcs(posed, best.structure.arcs, elements, from_solution(best), replace(SETTINGS, tol=1e-12))
         motion = again.solve(again.restart(best))
         assert motion.result.status is ocp.Status.SOLVED
-        # In this form the drives are the controls; places keep their share of the arc.
+        # In this form the drives are the controls; points keep their share of the arc.
         sides.append((motion.duration, np.cumsum([a.duration for a in motion.arcs])[:-1], motion.controls))
     duration, switches, tau = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))
-    assert found.duration[name] == pytest.approx(duration, rel=1e-5)
-    np.testing.assert_allclose(found.switching[name], switches, rtol=0, atol=1e-5 * np.max(np.abs(switches)))
+    assert result.duration[name] == pytest.approx(duration, rel=1e-5)
+    np.testing.assert_allclose(result.switching[name], switches, rtol=0, atol=1e-5 * np.max(np.abs(switches)))
     middle = np.argmin(np.abs(best.scheme.points - 0.5))
     t = best.collocation_times[:, middle]
-    mine = found.signal("tau", t, Held.ARC)[name]
+    mine = result.signal("tau", t, Held.ARC)[name]
     np.testing.assert_allclose(mine, tau[:, middle], rtol=0, atol=1e-5 * np.max(np.abs(tau)))
 
 
@@ -171,51 +172,51 @@ def test_limit_of_speed_is_held():
     assert dict(best.duration) == pytest.approx(exact, rel=1e-10)
     np.testing.assert_allclose(best.switching["speed"], [M / LIMIT, -WAY / speed**2], rtol=1e-10)
     np.testing.assert_allclose(best.switching["m"], [speed / LIMIT, 0.0], rtol=1e-10, atol=1e-12)
-    found, step = sensitivity(solution, toward=toward), 1e-5
+    result, step = sensitivity(solution, toward=toward), 1e-5
     tight = [solve(fastest(speed=speed + sign * step), solver=TIGHT).duration for sign in (1, -1)]
-    assert found.duration["speed"] == pytest.approx((tight[0] - tight[1]) / (2 * step), rel=1e-5)
+    assert result.duration["speed"] == pytest.approx((tight[0] - tight[1]) / (2 * step), rel=1e-5)
 
 
 @pytest.mark.parametrize(("limit", "exact"), [(0.1, -4 / 0.09), (0.2, -9.6), (0.3, 0.0), (0.25, 0.0)])
 def test_bryson_denham_held_touched_free(limit, exact):
     solution = polish(solve(problems.bryson_denham(limit).problem))
     limits = tuple(replace(c, upper=c.upper + 1) if limit in c.upper else c for c in solution.problem.subject_to)
-    found = sensitivity(solution, toward={"limit": replace(solution.problem, subject_to=limits)})
-    assert found.cost["limit"] == pytest.approx(exact, rel=1e-9, abs=1e-9)
-    assert found.duration["limit"] == pytest.approx(0.0, abs=1e-12)
+    result = sensitivity(solution, toward={"limit": replace(solution.problem, subject_to=limits)})
+    assert result.cost["limit"] == pytest.approx(exact, rel=1e-9, abs=1e-9)
+    assert result.duration["limit"] == pytest.approx(0.0, abs=1e-12)
     # A quarter is where the touch begins: it has no multiplier.
-    assert found.valid["limit"] == (True, limit != 0.25)
-    assert [note for note in found.notes if "the touch of x_1" not in note] == []
+    assert result.valid["limit"] == (True, limit != 0.25)
+    assert [note for note in result.notes if "the touch of x_1" not in note] == []
 
 
 def test_limit_that_is_only_just_met_is_told():
     free = solve(cheapest(), solver=TIGHT)
     top = float(free.controls.max())
     met = solve(cheapest(highest=top), solver=TIGHT)
-    found = sensitivity(met, toward={"way": cheapest(way=WAY + 1, highest=top)})
+    result = sensitivity(met, toward={"way": cheapest(way=WAY + 1, highest=top)})
     # A longer way or a heavier mass needs more than the limit, a shorter or lighter one less.
-    assert found.valid == {"m": (True, False), "way": (True, False)}
-    assert len(found.notes) == 2
-    assert all("u at its upper limit near t = 0 s" in note and "smaller values only" in note for note in found.notes)
+    assert result.valid == {"m": (True, False), "way": (True, False)}
+    assert len(result.notes) == 2
+    assert all("u at its upper limit near t = 0 s" in note and "smaller values only" in note for note in result.notes)
     t = np.linspace(0.01, 0.99, 9) * met.duration
-    np.testing.assert_allclose(found.u(t)["way"], free.u(t) / WAY, rtol=1e-5)
+    np.testing.assert_allclose(result.u(t)["way"], free.u(t) / WAY, rtol=1e-5)
     step = 1e-4
     left, right = (solve(cheapest(way=WAY + sign * step, highest=top), solver=TIGHT) for sign in (-1, 1))
-    np.testing.assert_allclose((free.u(t) - left.u(t)) / step, found.u(t)["way"], rtol=0, atol=1e-3)
-    assert right.u(0.0)[0] == pytest.approx(top, abs=1e-3 * step)  # where the derivative says otherwise
-    assert found.u(0.0)["way"][0] > 1.0
+    np.testing.assert_allclose((free.u(t) - left.u(t)) / step, result.u(t)["way"], rtol=0, atol=1e-3)
+    assert right.u(0.0)[0] == pytest.approx(top, abs=1e-3 * step)  # where the derivative is another one
+    assert result.u(0.0)["way"][0] > 1.0
 
 
 def test_switch_at_an_end_of_an_element_is_one_sided():
     # Half way, by symmetry: to one side of the grid the control of the element before changes, to the other the next.
     problem, step = problems.two_link().problem, 1e-6
     solution, further = solve(problem, solver=TIGHT), lambda far: replace(problem, subject_to=moved(problem, far))
-    found = sensitivity(solution, toward={"way": further(1.0)})
-    assert found.valid["way"] == (False, True)
-    assert "u_1 at its lower limit near t = 1.491 s" in found.notes[0]
+    result = sensitivity(solution, toward={"way": further(1.0)})
+    assert result.valid["way"] == (False, True)
+    assert "u_1 at its lower limit near t = 1.491 s" in result.notes[0]
     larger, smaller = (solve(further(side), solver=TIGHT, guess=solution).duration for side in (step, -step))
-    assert found.duration["way"] == pytest.approx((larger - solution.duration) / step, rel=1e-4)
-    assert found.duration["way"] != pytest.approx((solution.duration - smaller) / step, rel=1e-2)
+    assert result.duration["way"] == pytest.approx((larger - solution.duration) / step, rel=1e-4)
+    assert result.duration["way"] != pytest.approx((solution.duration - smaller) / step, rel=1e-2)
 
 
 @pytest.mark.parametrize("finish", [lambda solution: solution, polish], ids=["solved", "polished"])
@@ -225,19 +226,19 @@ def test_limit_of_the_duration_is_kept(finish):
         return replace(cheapest(), horizon=Free(1.0, upper=longest), minimise=ocp.Bolza(time=1.0, running=u**2 / 20))
 
     solution = finish(solve(hurried(0.9), solver=TIGHT))
-    found, effort = sensitivity(solution, toward={"longest": hurried(1.9)}), solution.cost - 0.9
+    result, effort = sensitivity(solution, toward={"longest": hurried(1.9)}), solution.cost - 0.9
     assert solution.duration == pytest.approx(0.9, abs=1e-9)
-    assert found.duration["longest"] == pytest.approx(1.0, rel=1e-9)
-    assert dict(found.cost) == pytest.approx({"m": 2 * effort / M, "longest": 1 - 3 * effort / 0.9}, rel=1e-7)
+    assert result.duration["longest"] == pytest.approx(1.0, rel=1e-9)
+    assert dict(result.cost) == pytest.approx({"m": 2 * effort / M, "longest": 1 - 3 * effort / 0.9}, rel=1e-7)
 
 
 def test_limits_that_depend_on_each_other_have_no_derivative():
     # Two equal axes: a longer way of one alone takes longer, a shorter one changes nothing.
     problem = problems.double_integrator_2d().problem
-    found = sensitivity(solve(problem), toward={"way": replace(problem, subject_to=moved(problem, 1.0))})
-    assert np.isnan([found.duration["way"], found.cost["way"]]).all()
-    assert found.valid["way"] == (False, False)
-    assert "depend on each other" in found.notes[0]
+    result = sensitivity(solve(problem), toward={"way": replace(problem, subject_to=moved(problem, 1.0))})
+    assert np.isnan([result.duration["way"], result.cost["way"]]).all()
+    assert result.valid["way"] == (False, False)
+    assert "depend on each other" in result.notes[0]
 
 
 SCHEMES = radau(3), ocp.legendre(2), ocp.lobatto(3), ocp.lobatto(2, ocp.Control.LINEAR), radau(3, ocp.Control.LINEAR), \
@@ -248,18 +249,18 @@ SCHEMES = radau(3), ocp.legendre(2), ocp.lobatto(3), ocp.lobatto(2, ocp.Control.
 def test_every_scheme_against_differences(scheme):
     prepared, step = ocp.prepare(cheapest(system=SWING), scheme, uniform(12), TIGHT), 1e-4
     solution = prepared()
-    found = sensitivity(solution, toward={"duration": cheapest(2.2, system=SWING)})
-    assert found.notes == ()
-    assert found.duration["duration"] == pytest.approx(1.0)
+    result = sensitivity(solution, toward={"duration": cheapest(2.2, system=SWING)})
+    assert result.notes == ()
+    assert result.duration["duration"] == pytest.approx(1.0)
     share = np.array([0.03, 0.29, 0.61, 0.97])
     for name in ("m", "duration"):
         tasks = ((s * (name == "m"), cheapest(1.2 + s * (name != "m"), system=SWING)) for s in (step, -step))
         one, other = (prepared(solution, {"m": M + s}, task) for s, task in tasks)
-        assert found.cost[name] == pytest.approx((one.cost - other.cost) / (2 * step), rel=1e-6)
+        assert result.cost[name] == pytest.approx((one.cost - other.cost) / (2 * step), rel=1e-6)
         for signal in ("x", "u"):
             change = one.signal(signal, share * one.duration) - other.signal(signal, share * other.duration)
             change /= 2 * step
-            mine = found.signal(signal, share * solution.duration)[name]
+            mine = result.signal(signal, share * solution.duration)[name]
             np.testing.assert_allclose(mine, change, rtol=0, atol=1e-6 * np.max(np.abs(change)))
 
 
@@ -269,9 +270,9 @@ def test_unknown_parameters_move_too():
     system = System(x, u, ca.vertcat(m, c), ca.vertcat(x[1], u * c / m), {}, {"m": M, "c": 1.0})
     conditions = start(x, 0), end(x, [WAY, 0]), along(u, -1, 1), along(c, 0.1, 10.0)
     solution = polish(solve(Problem(system, Free(1.0), ocp.Bolza(time=1.0, final=c**2 / 2), conditions)))
-    found = sensitivity(solution)
-    assert found.free["m"]["c"] == pytest.approx(0.2 * size / M, rel=1e-7)
-    assert found.duration["m"] == pytest.approx(0.4 * solution.duration / M, rel=1e-7)
+    result = sensitivity(solution)
+    assert result.free["m"]["c"] == pytest.approx(0.2 * size / M, rel=1e-7)
+    assert result.duration["m"] == pytest.approx(0.4 * solution.duration / M, rel=1e-7)
     with pytest.raises(ValueError, match="'c' is an unknown of this problem; given parameters are m"):
         sensitivity(solution, ["c"])
 

@@ -134,6 +134,35 @@ def test_use_with_the_problem(tmp_path):
     assert str(verify(loaded)) == str(verify(SOLUTION))
 
 
+def test_scheme_of_the_user_is_in_the_file(tmp_path):
+    # Gauss points under a name of the user's own, and under the name of another family.
+    for name in ("mine", "radau"):
+        own = replace(legendre(2), name=name)
+        saved = solve(PROBLEM, scheme=own, grid=uniform(5))
+        loaded = load(stored(tmp_path, saved), PROBLEM)
+        assert_equal(loaded, saved)
+        for field in fields(own):
+            np.testing.assert_array_equal(getattr(loaded.scheme, field.name), getattr(own, field.name))
+        t = np.linspace(0.0, saved.duration, 7)
+        np.testing.assert_array_equal(loaded.x(t), saved.x(t))
+        again = solve(PROBLEM, scheme=loaded.scheme, grid=uniform(5), guess=loaded)
+        assert again.cost == pytest.approx(saved.cost, rel=1e-9)
+
+
+def test_damaged_scheme_of_the_user_is_refused(tmp_path):
+    saved = solve(PROBLEM, scheme=replace(radau(2), name="mine"), grid=uniform(4))
+    path = stored(tmp_path, saved)
+    for damage in ({"at": [0, 9]}, {"weights": [1.0]}, {"state": [[1.0, 2.0]]}, {"points": [0.1, None]}, {"degree": 3}):
+        with np.load(path) as file:
+            parts = dict(file)
+        about = json.loads(str(parts["about"]))
+        about["scheme"] = about["scheme"] | damage
+        damaged = tmp_path / "damaged.npz"
+        np.savez(damaged, **{**parts, "about": np.array(json.dumps(about))})
+        with pytest.raises(ValueError, match="incomplete or damaged"):
+            load(damaged)
+
+
 def test_use_as_a_guess(tmp_path):
     loaded = load(stored(tmp_path))
     again = solve(PROBLEM, grid=uniform(7), guess=loaded, values={"mass": 1.3})
@@ -273,15 +302,15 @@ def test_changed_bytes_never_change_a_number(tmp_path):
     path = stored(tmp_path)
     content = path.read_bytes()
     refused = 0
-    for place in range(0, len(content), 11):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 0x55]) + content[place + 1 :])
+    for index in range(0, len(content), 11):
+        path.write_bytes(content[:index] + bytes([content[index] ^ 0x55]) + content[index + 1 :])
         try:
             loaded = load(path)
         except ValueError as error:
             assert path.name in str(error)  # noqa: PT017
             refused += 1
         else:
-            assert_equal(loaded, SOLUTION)  # a byte that says nothing, such as a date
+            assert_equal(loaded, SOLUTION)  # a byte without effect, such as a date
     assert refused > len(content) / 11 / 2
 
 

@@ -1,4 +1,4 @@
-"""Prices of limits: what the optimal cost gains or loses when one number of a problem is moved, by its multipliers."""
+"""Derivatives of the optimal cost with respect to single limits and boundary values, from the multipliers."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ocp.sensitivities.kkt_derivatives import Direction, envelope
 from ocp.sensitivities.kkt_root import Optimum
 from ocp.sensitivities.nlp_of_solution import Reconstruction
 
-STEP = 2.0**-20  # of a number, relative; bounds are piecewise linear in it
-SMALL = 1e-9  # share of the largest price below which it is none
+STEP = 2.0**-20  # relative change of a number; the bounds of the NLP are piecewise linear in it, so this is exact
+SMALL = 1e-9  # share of the largest derivative below which one counts as zero
 
 
-class Price(NamedTuple):
-    """What one active limit or condition costs."""
+class LimitSensitivity(NamedTuple):
+    """Derivative of the optimal cost with respect to one active limit or boundary value."""
 
     name: str  # of the limited component
     unit: str  # of it
@@ -28,12 +28,12 @@ class Price(NamedTuple):
     cost: float  # d cost / d limit
 
 
-def prices(here: Reconstruction, at: Optimum) -> tuple[Price, ...]:
-    """Return the prices of all active limits and conditions of a problem.
+def limit_sensitivities(here: Reconstruction, at: Optimum) -> tuple[LimitSensitivity, ...]:
+    """Return the derivatives of the optimal cost with respect to all active limits and boundary values of a problem.
 
     Args:
         here: a solution as unknowns of its NLP.
-        at: the root of its conditions.
+        at: the root of its conditions of optimality.
     """
     problem, result, slope = here.problem, [], here.slope(at)
     for i, constraint in enumerate(problem.subject_to):
@@ -47,9 +47,9 @@ def prices(here: Reconstruction, at: Optimum) -> tuple[Price, ...]:
                 moved = here.moved(_with(problem, i, c, side, limit + step))
                 direction = Direction.between((here.head, here.bounds), moved)
                 cost = envelope(here.bounds, at, (direction,), slope)[0] / step
-                result.append(Price(label.name, label.unit, constraint.where, side, limit, float(cost)))
-    least = SMALL * max((abs(price.cost) for price in result), default=0.0)
-    return tuple(price for price in result if abs(price.cost) > least)
+                result.append(LimitSensitivity(label.name, label.unit, constraint.where, side, limit, float(cost)))
+    least = SMALL * max((abs(one.cost) for one in result), default=0.0)
+    return tuple(one for one in result if abs(one.cost) > least)
 
 
 def _with(problem: Problem, number: int, component: int, side: str, value: float) -> Problem:
