@@ -20,7 +20,7 @@ from ocp.problem.problem import Problem
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
-from ocp.solution.state_scales import state_scales
+from ocp.solution.state_scales import scales_of_states
 from ocp.solution.violations import Figure, excess
 from ocp.system import System
 
@@ -54,7 +54,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     if isinstance(solution, SequenceSolution):
         return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
     solution, problem = with_problem("verify", solution, problem)
-    scale, energy_scale = state_scales(solution, problem)
+    scale, energy_scale = scales_of_states(solution, problem)
     drift, end, energy = _reintegrated(solution, problem, scale, energy_scale)
     beyond = excess(solution, problem, scale)
     share, worst = max(beyond, key=lambda pair: pair[0], default=(0.0, None))

@@ -28,7 +28,7 @@ class LimitSensitivity(NamedTuple):
     cost: float  # d cost / d limit
 
 
-def limit_sensitivities(here: Reconstruction, at: Optimum) -> tuple[LimitSensitivity, ...]:
+def sensitivities_to_limits(here: Reconstruction, at: Optimum) -> tuple[LimitSensitivity, ...]:
     """Return the derivatives of the optimal cost with respect to all active limits and boundary values of a problem.
 
     Args:

@@ -15,7 +15,7 @@ from ocp.checks import Array
 from ocp.problem.problem import Problem, same_structure
 from ocp.sensitivities.kkt_derivatives import WEAK, Derivative, Direction, differentiate
 from ocp.sensitivities.kkt_root import Optimum, initial_point, settle
-from ocp.sensitivities.limit_sensitivities import LimitSensitivity, limit_sensitivities
+from ocp.sensitivities.limit_sensitivities import LimitSensitivity, sensitivities_to_limits
 from ocp.sensitivities.motion_derivatives import Held, Variation
 from ocp.sensitivities.nlp_of_solution import Reconstruction, reconstruct
 from ocp.solution.attached_problem import with_problem
@@ -62,7 +62,7 @@ class Sensitivity:
     @functools.cached_property
     def limits(self) -> tuple[LimitSensitivity, ...]:
         """Derivatives of the cost with respect to every active limit and boundary value, from the multipliers."""
-        return limit_sensitivities(self.reconstruction, self.root)
+        return sensitivities_to_limits(self.reconstruction, self.root)
 
     @property
     def problem(self) -> Problem:

@@ -17,7 +17,7 @@ ROUNDING = 1e-6
 LEAST = 1e-3  # smallest scale of a state, relative to the largest of the same unit or to the effect of the controls
 
 
-def state_scales(solution: Solution, problem: Problem) -> tuple[Array, float]:
+def scales_of_states(solution: Solution, problem: Problem) -> tuple[Array, float]:
     """Return the scale (nx,) of each state, and the smallest energy with which an energy balance is compared.
 
     The scale is the range of the state, at least 1/1000 of the largest range with the same unit, at least 1/1000 of

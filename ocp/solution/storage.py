@@ -7,7 +7,7 @@ import json
 import math
 import os
 import zipfile
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,11 @@ from ocp import checks
 from ocp.numerics.files import written_whole
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution, Status, Timings
+from ocp.solution.stored_schemes import scheme_data, scheme_from
 from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
 from ocp.transcription.grid import Grid
 from ocp.transcription.packing import Multipliers
-from ocp.transcription.schemes.families import FAMILIES
-from ocp.transcription.schemes.scheme import Control, Scheme
+from ocp.transcription.schemes.scheme import Scheme
 
 FORMAT = "hamel-solution"
 VERSION = 2  # version 1 had no multipliers of limits
@@ -28,7 +28,6 @@ LARGEST = 2**30  # bytes of a file, unpacked too; 5000 elements of 40 states tak
 LONGEST = 160  # characters of the reason in an error message
 ARRAYS = ("states", "controls", "slopes", "costates", "ends")
 LIMITS = ("x", "u", "path", "ends")  # parts of the multipliers, saved as limits_x ...; absent without multipliers
-MOST_NODES = 100  # of a scheme that a file defines
 
 
 def save(solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -74,7 +73,7 @@ def encode(solution: Solution) -> bytes:
         "timings": asdict(solution.timings),
         "iterations": solution.iterations,
         "rung": solution.rung,
-        "scheme": _scheme_data(solution.scheme),
+        "scheme": scheme_data(solution.scheme),
         "x": [str(label) for label in system.label("x", nx)] if system else [],
         "u": [str(label) for label in system.label("u", nu)] if system else [],
         "log": {name: list(column) for name, column in solution.log.items()},
@@ -148,7 +147,7 @@ def decode(content: bytes, problem: Problem | None = None, path: str = "solution
             checks.mapping(name, about.get(name), "named entries")
         if not isinstance(about.get("status"), str) or about["status"] not in Status.__members__:
             raise checks.refused("status", about.get("status"), f"one of {', '.join(Status.__members__)}")
-        scheme = _scheme(about["scheme"])
+        scheme = scheme_from(about["scheme"])
         grid = Grid(arrays["ends"])
         _check_shapes(arrays, scheme, grid)
         _check_numbers(about, arrays)
@@ -253,42 +252,6 @@ def _number(value: float | None) -> float:
 
 def _numbers(about: dict[str, float]) -> dict[str, float]:
     return {str(name): float(value) for name, value in about.items()}
-
-
-def _scheme_data(scheme: Scheme) -> dict[str, Any]:
-    """Return a scheme as JSON data: name, degree and control; for a scheme of no family all its other fields too."""
-    whole = {
-        one.name: np.asarray(getattr(scheme, one.name)).tolist() for one in fields(scheme) if one.name != "control"
-    }
-    short = {"name": scheme.name, "degree": scheme.degree, "control": scheme.control.value}
-    if scheme.name in FAMILIES:
-        own = FAMILIES[scheme.name](scheme.degree, scheme.control)
-        if all(np.array_equal(getattr(own, name), value) for name, value in whole.items()):
-            return short
-    return whole | short
-
-
-def _scheme(about: dict[str, Any]) -> Scheme:
-    name, degree, control = str(about["name"]), int(about["degree"]), Control(about["control"])
-    if "points" not in about:
-        if name not in FAMILIES:
-            raise ValueError(f"scheme {name!r} is unknown; known are {', '.join(FAMILIES)}")
-        return FAMILIES[name](degree, control)
-    points, weights, nodes = (checks.column(part, about[part]) for part in ("points", "weights", "nodes"))
-    state, rate = (np.array(about[part], dtype=float) for part in ("state", "rate"))
-    at, basis = (tuple(map(int, about[part])) for part in ("at", "basis"))
-    fits = (
-        len(points) == len(weights) == len(at) == degree and len(nodes) <= MOST_NODES
-        and state.ndim == rate.ndim == 2 and state.shape == (len(rate), len(nodes)) and rate.shape[1] == degree
-        and np.all(np.isfinite(state)) and np.all(np.isfinite(rate))
-        and all(0 <= index < len(nodes) for index in (*at, *basis))
-    )  # fmt: skip
-    if not fits:
-        raise ValueError(f"the data of scheme {name!r} do not fit together")
-    order = int(about["order"])
-    return Scheme(
-        name, degree, control, points, weights, nodes, at, state, rate, basis, bool(about["slope_at_start"]), order
-    )
 
 
 def _check_shapes(arrays: dict[str, np.ndarray], scheme: Scheme, grid: Grid) -> None:

@@ -12,7 +12,7 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
 from ocp.solution.solution import Solution
-from ocp.solution.state_scales import state_scales
+from ocp.solution.state_scales import scales_of_states
 from ocp.transcription.schemes.scheme import Control
 
 SAMPLES = 24  # points of each element at which limits are checked
@@ -48,7 +48,7 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
         scale: (nx,) sizes of the states; None for those of the motion.
     """
     results = []
-    scale = state_scales(solution, problem)[0] if scale is None else scale
+    scale = scales_of_states(solution, problem)[0] if scale is None else scale
     # Both ends of every element are among the places, since the control may jump there.
     dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
     system = problem.system

@@ -136,7 +136,7 @@ def test_bang_bang_optimum(name):
 
 @pytest.mark.parametrize("elements", [9, 40])
 def test_constant_control_finds_the_optimum_of_its_grid(elements):
-    # One element mixes both accelerations. Speed zero at the end gives the mixture, the distance the length of elements.
+    # One element mixes both accelerations. Speed zero at the end gives the mixture, the distance the width.
     known = problems.lift_fastest()
     up, down = 60.0 / 3.0 - 9.81, -60.0 / 3.0 - 9.81
     lifting = int(elements * down / (down - up))

@@ -14,7 +14,7 @@ from models.effects import Coulomb, ElasticDrive, Gravity, JointStop, LaggedDriv
 from models.forms import canonical
 from models.mechanics.terms import Effect
 from ocp import Ipopt, Solution, integrators, point_to_point, radau, simulate, solve, uniform, verify
-from ocp.solution.state_scales import state_scales
+from ocp.solution.state_scales import scales_of_states
 
 LIMIT = [60.0, 800.0, 300.0]  # of the drives [N m, N, N]
 ROTOR, RESISTANCE, FRICTION = 1.0, 0.5, 30.0  # [kg m^2 or kg], [ohm], [N] of the lift
@@ -71,7 +71,7 @@ def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]
         assert result.problem is not None
         system, nodes = result.problem.system, result.nodes
         again = simulate(system, result.states[0, 0], result, nodes, method=integrators.radau_5(1e-9, 1e-9))
-        away = np.abs(again.x - result.x(nodes)) / state_scales(result, result.problem)[0]
+        away = np.abs(again.x - result.x(nodes)) / scales_of_states(result, result.problem)[0]
         names = list(map(str, system.x.elements()))
         drift = float(np.max(away[:, names.index(report.drift.what)]))
         said = report.ok or (bool(report.failures) and all(report.failures))
