@@ -12,7 +12,7 @@ import pytest
 from ocp import Study, StudyTable
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(path for path in (ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SHARED = "All blocks share"  # pages with these words run from top to bottom in one namespace
 SLOW = {"docs/failures.md"}  # pages that take more than two seconds
