@@ -1,4 +1,4 @@
-"""Piecewise polynomials of time: what profiles, splines and smoothed samples have in common."""
+"""Piecewise polynomials of time: the common form of profiles, splines and smoothed samples."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from ocp.checks import Array
 
-# A derivative counts as continuous if it jumps by less than this share of its size.
+# A derivative counts as continuous if it jumps by less than this share of its largest value.
 CONTINUOUS = 1e-7
-INSIDE = 1e-9  # share of a piece by which its end is moved inside
-DENSE = 1000  # times of a motion that has none of its own
+INSIDE = 1e-9  # share of a piece by which a time at its end is moved inside, to be on its side of a jump
+DENSE = 1000  # rows of a motion that was not given at certain times
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Piecewise:
             raise ValueError("Piecewise: breaks must increase")
         if not np.all(np.isfinite(coefficients)):
             raise ValueError(
-                f"Piecewise: pieces as short as {np.min(np.diff(breaks)):.3g} s go beyond double precision"
+                f"Piecewise: pieces as short as {np.min(np.diff(breaks)):.3g} s exceed double precision"
             )
         object.__setattr__(self, "breaks", breaks)
         object.__setattr__(self, "coefficients", coefficients)
@@ -76,43 +76,16 @@ class Piecewise:
         return self.degree
 
 
-def hermite(times: Array, values: Array) -> Piecewise:
-    """Return the piecewise polynomial of degree 2 m - 1 through q, v, ... up to order m - 1 at every time.
-
-    Args:
-        times: (K,) increasing [s].
-        values: (K, m, n) derivatives of order 0 .. m - 1 at the times.
-
-    Source: the two-point Taylor (Hermite) interpolant, solved once in the unit interval.
-    """
-    m = values.shape[1]
-    width = np.diff(times)[:, None]
-    # In s = (t - t_k) / h the derivatives at both ends fix the 2 m coefficients by one constant matrix.
-    ends = np.zeros((2 * m, 2 * m))
-    for order in range(m):
-        ends[order, order] = math.factorial(order)
-        ends[m + order] = [math.perm(j, order) if j >= order else 0.0 for j in range(2 * m)]
-    powers = width[:, :, None] ** np.arange(m)[None, :, None]
-    known = np.concatenate([values[:-1] * powers, values[1:] * powers], axis=1)
-    # Its inverse times (m - 1)! holds integers: without the rounding of the machine's linear algebra.
-    whole = math.factorial(m - 1)
-    inverse = np.rint(np.linalg.inv(ends) * whole) / whole
-    in_unit = np.tensordot(known, inverse, axes=(1, 1)).swapaxes(1, 2)
-    with np.errstate(all="ignore"):  # Piecewise refuses what overflows
-        coefficients = in_unit / width[:, :, None] ** np.arange(2 * m)[None, :, None]
-    return Piecewise(times, coefficients)
-
-
 def dense(breaks: Array) -> Array:
-    """Return times that show every piece from its start to its end, the end seen from inside.
+    """Return about 1000 times: every piece from its start to its end, the end moved inside by a tiny amount.
 
     Args:
         breaks: (M + 1,) increasing [s].
     """
-    span = breaks[-1] - breaks[0]
+    duration = breaks[-1] - breaks[0]
     parts = []
     for first, last in itertools.pairwise(breaks):
-        inside = np.linspace(first, last, max(3, math.ceil(DENSE * (last - first) / span)) + 1)
+        inside = np.linspace(first, last, max(3, math.ceil(DENSE * (last - first) / duration)) + 1)
         if last < breaks[-1]:
             inside[-1] -= INSIDE * (last - first)
         parts.append(inside)

@@ -1,4 +1,4 @@
-"""The curve through or near recorded samples: as exact as they are, and no more."""
+"""Curves of recorded samples: through exact ones, near noisy ones."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.motions.piecewise import Piecewise, hermite
+from models.motions.hermite import accelerations, hermite
+from models.motions.piecewise import Piecewise
 from models.motions.recording import Recording
-from models.motions.smoothing import Smoothed, smooth
-from models.motions.splines import accelerations, interpolate, natural
+from models.motions.smoothing import ALL, Smoothed, smooth
+from models.motions.splines import interpolate, not_a_knot
 from ocp import checks
 from ocp.checks import Array
 
@@ -20,15 +21,16 @@ Fit = tuple[Piecewise, float, Smoothed | None, tuple[str, ...]]  # curve, smooth
 def fit(recording: Recording, noise: float | Sequence[float] | None) -> Fit:
     """Return the curve of a recording.
 
-    With v (and a) it passes through all that is given; with noise = 0 it interpolates q by a quintic spline; else it
-    is a quintic smoothing spline whose strength follows the noise.
+    With v (and a) it passes through all that is given; with noise = 0 it interpolates q by a quintic spline with
+    not-a-knot ends; else it is a quintic smoothing spline whose strength follows the noise. Samples in which no noise
+    can be detected are interpolated, too: the accelerations of a smoothing spline are wrong at its ends.
 
     Args:
         recording: samples.
-        noise: standard deviation of q, scalar or (n,) [rad or m]; None: estimated; given, v and a are left out.
+        noise: standard deviation of q, scalar or (n,) [rad or m]; None: estimated; if given, v and a are not used.
 
     Raises:
-        ValueError: a noise that is no level >= 0, or too few samples.
+        ValueError: a noise that is no standard deviation >= 0, or too few samples.
     """
     t, q, notes = recording.t, recording.q, list(recording.notes)
     if recording.v is not None and noise is None:
@@ -36,16 +38,19 @@ def fit(recording: Recording, noise: float | Sequence[float] | None) -> Fit:
         return hermite(t, np.stack([q, recording.v, a], axis=1)), 2.0, None, tuple(notes)
     level = _level(noise, q.shape[1])
     if level is not None and not np.any(level):
-        return interpolate(t, q, 5, natural(5)), 4.0, None, tuple(notes)
+        return interpolate(t, q, 5, not_a_knot()), 4.0, None, tuple(notes)
     if recording.v is not None:
-        notes.append("velocities left out: the noise of the positions is given, and the spline is theirs")
+        notes.append("velocities are not used, as the noise of the positions is given: the spline smooths these")
     smoothed = smooth(t, q, level)
+    if level is None and np.all(smoothed.freedom > ALL * len(t)):
+        notes.append("no noise can be detected in the samples; they are interpolated as if noise = 0 had been given")
+        return interpolate(t, q, 5, not_a_knot()), 4.0, None, tuple(notes)
     return smoothed.curve, 4.0, smoothed, (*notes, *smoothed.notes(recording.labels))
 
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """Raw central differences of samples, joined by straight lines: to compare with, noise and all."""
+    """Central differences of samples, joined by straight lines: they amplify noise, and serve for comparison only."""
 
     t: Array  # (K,) [s]
     derivatives: tuple[Array, Array, Array]  # of order 0, 1, 2, each (K, n)
@@ -59,7 +64,7 @@ class Differences:
     def __call__(self, t: Array, order: int) -> Array:
         """Return the derivative of the given order (K, n) at times (K,)."""
         if order >= len(self.derivatives):
-            raise ValueError("raw differences are formed up to the acceleration")
+            raise ValueError("differences are formed up to the acceleration")
         return np.stack([np.interp(t, self.t, column) for column in self.derivatives[order].T], axis=1)
 
 

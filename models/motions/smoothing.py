@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.motions.b_splines import as_piecewise, basis_rows
 from models.motions.band_matrices import factorise, multiply
 from models.motions.piecewise import Piecewise
-from models.motions.splines import as_piecewise, basis_rows
 from ocp.checks import Array
 from ocp.system import Label
 

@@ -5,7 +5,7 @@ import pytest
 
 from models import Motion, torus
 from models.effects import Gravity
-from models.motions.piecewise import hermite
+from models.motions.hermite import hermite
 from models.motions.splines import Ends, natural
 from models.motions.timing_laws import on_path
 
@@ -156,7 +156,7 @@ def test_samples_without_noise_are_followed():
     for motion in (Motion.from_samples(t, np.sin(3 * t)), Motion.from_samples(t, np.sin(3 * t), noise=0.0)):
         inner = t[20:-20]
         assert np.max(np.abs(motion.a(inner)[:, 0] + 9 * np.sin(3 * inner))) < 1e-4
-    assert any("cannot be told" in note for note in Motion.from_samples(t, np.sin(3 * t)).notes)
+    assert any("no noise can be detected" in note for note in Motion.from_samples(t, np.sin(3 * t)).notes)
     still = Motion.from_samples(t, np.zeros((400, 2)))
     assert np.max(np.abs(still.a(t))) < 1e-12
 
