@@ -204,6 +204,8 @@ def real(value: object) -> Array | None:
         return value  # asked for often, and read only
     if isinstance(value, list | tuple) and any(isinstance(part, bool | str | bytes) for part in value):
         return None
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        return None  # a masked entry is no number
     if isinstance(value, ca.SX | ca.MX | str | bytes | dict | set | type(None)) or callable(value):
         return None
     try:

@@ -1,41 +1,44 @@
-"""Motions: q, v and a (and the jerk) of the time, whatever they were made from."""
+"""Motions: position, velocity, acceleration and jerk as functions of the time."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect
 from models.motions import profiles
+from models.motions.coordinate_labels import check_labels, labels_of, numbered
 from models.motions.csv_tables import read_csv
 from models.motions.function_curves import ExpressionCurve, FunctionCurve
+from models.motions.motion_torques import torques_of
 from models.motions.piecewise import Piecewise, dense
-from models.motions.recording import Recording, check_labels, check_rows
+from models.motions.plausibility import checked, stated_by
+from models.motions.recording import Recording, check_rows, named
 from models.motions.ros_trajectory import read_trajectory
 from models.motions.sample_fit import Differences, fit
 from models.motions.smoothing import Smoothed
 from models.motions.solution_curve import Recorded, SolutionCurve
 from models.motions.splines import Ends, at_rest, interpolate
 from models.torques.drive_loads import Envelope
-from models.torques.torque_table import TorqueTable, tabulate
+from models.torques.torque_table import TorqueTable
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import Progress
 from ocp.system import Label, System
 
 Curve = Callable[[Array, int], Array]  # times (K,), order of the derivative -> (K, n)
-# Times outside the motion by less than this share of the duration are rounding.
+# Times outside the motion by less than this share of the duration are moved to its ends: they are rounding errors.
 OUTSIDE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion q(t) on [start, end]; one-sided values from the right where a derivative jumps."""
+    """A motion q(t) on [start, end]; where a derivative jumps, its value is the one after the jump."""
 
     curve: Curve
     start: float  # [s]
@@ -43,10 +46,11 @@ class Motion:
     labels: tuple[Label, ...]  # name and unit of every coordinate
     smoothness: float  # highest order whose derivative is continuous; inf for smooth functions
     breaks: Array  # times at which a higher derivative jumps [s]
-    times: Array  # at which the motion was given, or a dense set [s]
+    times: Array  # rows of its tables: the times at which it was given, or about 1000 [s]
     smoothed: Smoothed | None = None  # the smoothing spline, if the motion comes from noisy samples
     samples: Array | None = None  # (K, n) positions recorded at the times, if it comes from samples
     notes: tuple[str, ...] = ()
+    stated: bool = True  # whether the units are known; else torques of positions that look like degrees are refused
 
     def __repr__(self) -> str:
         names = ", ".join(str(label) for label in self.labels)
@@ -56,6 +60,12 @@ class Motion:
     def duration(self) -> float:
         """[s]."""
         return self.end - self.start
+
+    @property
+    def knots(self) -> Array:
+        """Times inside the motion at which any derivative jumps, as far as they are known [s]."""
+        inner = self.curve.breaks[1:-1] if isinstance(self.curve, Piecewise) else np.empty(0)
+        return np.union1d(self.breaks, inner)
 
     def q(self, t: Array | float) -> Array:
         """Return the positions (len(t), n), or (n,) for a scalar [rad or m]."""
@@ -70,11 +80,7 @@ class Motion:
         return self.derivative(t, 2)
 
     def jerk(self, t: Array | float) -> Array:
-        """Return the jerk [rad/s^3 or m/s^3], shape as `q`.
-
-        Raises:
-            ValueError: the motion has none, as one of a Solution.
-        """
+        """Return the jerk [rad/s^3 or m/s^3], shape as `q`; ValueError for a motion without one, as of a Solution."""
         return self.derivative(t, 3)
 
     def derivative(self, t: Array | float, order: int) -> Array:
@@ -103,25 +109,18 @@ class Motion:
         Args:
             machine: from `cylindrical`, `spherical` or `torus`.
             effects: such as [Gravity(), Payload(2.0)].
-            times: (K,) increasing [s]; None: those of the motion.
+            times: (K,) rows of the table, increasing [s]; None: `times`. Loads and means do not depend on them.
             values: of the parameters that stay symbols, by name.
             limits: one Envelope for each drive.
-            progress: called with the points done and in all.
+            progress: called with the points done and their total number.
 
         Raises:
-            TypeError, ValueError: as `inverse_dynamics`; sizes or times that do not fit.
+            TypeError, ValueError: see `models.motions.motion_torques.torques_of`.
         """
-        chosen = checks.numbers("times", self.times if times is None else times)
-        if chosen.ndim != 1 or len(chosen) < 2 or not np.all(np.diff(chosen) > 0.0):
-            raise checks.refused("times", times, "at least two increasing times")
-        covariance = None if self.smoothed is None else self.smoothed.covariance
-        return tabulate(
-            machine, effects, chosen, self.derivative, smoothness=self.smoothness, values=values,
-            covariance=covariance, limits=limits, notes=self.notes, progress=progress,
-        )  # fmt: skip
+        return torques_of(self, machine, effects, times, values=values, limits=limits, progress=progress)
 
     def differenced(self) -> Motion:
-        """Return what raw differences of the samples would give: a comparison, no basis for torques.
+        """Return the motion with derivatives by differences of the samples: noisy, for comparison only.
 
         Raises:
             ValueError: the motion does not come from samples.
@@ -133,12 +132,7 @@ class Motion:
 
     @classmethod
     def quintic(cls, q0: object, q1: object, duration: float) -> Motion:
-        """Return the motion from rest to rest with v = a = 0 at both ends, q a polynomial of degree 5.
-
-        Args:
-            q0, q1: (n,) [rad or m].
-            duration: [s].
-        """
+        """Return the polynomial of degree 5 from q0 to q1 (n,) [rad or m] with v = a = 0 at both ends, in s."""
         return cls.piecewise(profiles.rest_to_rest(q0, q1, duration, 3))
 
     @classmethod
@@ -150,37 +144,42 @@ class Motion:
     def trapezoidal(
         cls, q0: object, q1: object, velocity: object, acceleration: object, duration: float | None = None
     ) -> Motion:
-        """Return the motion of bounded velocity and acceleration; see `models.profiles.trapezoidal`."""
+        """Return the motion of bounded velocity and acceleration; see `models.motions.profiles.trapezoidal`."""
         return cls.piecewise(profiles.trapezoidal(q0, q1, velocity, acceleration, duration))
 
     @classmethod
     def s_curve(
         cls, q0: object, q1: object, velocity: object, acceleration: object, jerk: object, duration: float | None = None
     ) -> Motion:
-        """Return the motion of bounded velocity, acceleration and jerk; see `models.profiles.s_curve`."""
+        """Return the motion of bounded velocity, acceleration and jerk; see `models.motions.profiles.s_curve`."""
         return cls.piecewise(profiles.s_curve(q0, q1, velocity, acceleration, jerk, duration))
 
     @classmethod
     def through(cls, times: object, waypoints: object, *, degree: int = 5, ends: Ends | None = None) -> Motion:
-        """Return the interpolating spline through waypoints at given times.
+        """Return the interpolating spline through waypoints (K, n) [rad or m] at given times (K,), increasing [s].
 
         Args:
-            times: (K,) increasing [s].
-            waypoints: (K, n) [rad or m].
+            times, waypoints: at least two.
             degree: odd; degree - 1 derivatives are continuous.
             ends: None: at rest at both ends.
 
         Raises:
-            ValueError: shapes disagree, times do not increase, wrong end conditions.
+            ValueError: shapes disagree, times do not increase, wrong end conditions, or times too close for a motion.
         """
-        check_rows("times", times, "waypoints", waypoints)
-        points = Recording(times, waypoints)  # type: ignore[arg-type]
+        points = check_rows("times", times, "waypoints", waypoints)
         spline = interpolate(points.t, points.q, degree, at_rest(degree) if ends is None else ends)
-        return cls.piecewise(spline, points.labels, degree - 1)
+        return replace(cls.piecewise(spline, (), degree - 1), stated=False, notes=points.notes)
 
     @classmethod
     def from_samples(
-        cls, t: object, q: object, v: object = None, a: object = None, *, noise: float | Sequence[float] | None = None
+        cls,
+        t: object,
+        q: object,
+        v: object = None,
+        a: object = None,
+        *,
+        noise: float | Sequence[float] | None = None,
+        labels: tuple[Label, ...] = (),
     ) -> Motion:
         """Return a motion from samples; v and a come from a smoothing spline, never from differences.
 
@@ -189,11 +188,14 @@ class Motion:
             q: (K, n) [rad or m].
             v, a: (K, n), taken as exact where given (set-points of a controller): the motion passes through them.
             noise: standard deviation of q, scalar or (n,) [rad or m]; None: estimated; 0: none, q is interpolated.
+            labels: name and unit of every coordinate; with units, large positions are not questioned.
 
         Raises:
             ValueError: shapes disagree, numbers that are not finite, times that do not increase, too few samples.
         """
-        return cls.recorded(Recording(t, q, v, a), noise=noise)  # type: ignore[arg-type]
+        check_labels(labels)
+        recording = Recording(t, q, v, a, labels, stated=stated_by(labels))  # type: ignore[arg-type]
+        return cls.recorded(recording, noise=noise)
 
     @classmethod
     def from_csv(
@@ -202,9 +204,10 @@ class Motion:
         machine: Manipulator | None = None,
         *,
         noise: float | Sequence[float] | None = None,
+        joints: Mapping[str, str] | None = None,
     ) -> Motion:
-        """Return the motion of a CSV table; see `models.table_file.read_csv` and `from_samples`."""
-        return cls.recorded(read_csv(path, labels_of(machine)), noise=noise)
+        """Return the motion of a CSV table; see `models.motions.csv_tables.read_csv` and `from_samples`."""
+        return cls.recorded(read_csv(path, labels_of(machine), joints), noise=noise)
 
     @classmethod
     def from_trajectory(
@@ -213,9 +216,12 @@ class Motion:
         machine: Manipulator | None = None,
         *,
         noise: float | Sequence[float] | None = None,
+        joints: Mapping[str, str] | None = None,
     ) -> Motion:
-        """Return the motion of a ROS JointTrajectory file; see `models.recording.read_trajectory`."""
-        return cls.recorded(read_trajectory(path, [label.name for label in labels_of(machine)]), noise=noise)
+        """Return the motion of a ROS JointTrajectory file; see `models.motions.ros_trajectory.read_trajectory`."""
+        labels = labels_of(machine)
+        found = read_trajectory(path, [label.name for label in labels], joints)
+        return cls.recorded(named(found, labels), noise=noise)
 
     @classmethod
     def of(cls, solution: Recorded, system: System | None = None) -> Motion:
@@ -250,11 +256,11 @@ class Motion:
                 exact. With v and a: functions of times (K,) that return (K, n), and q one of them.
             start, end: [s].
             v, a: velocities and accelerations, if q is no CasADi expression.
-            smoothness: what is known of q.
+            smoothness: highest order whose derivative is continuous, as far as it is known.
             labels: name and unit of every coordinate.
 
         Raises:
-            TypeError, ValueError: q is none of these.
+            TypeError, ValueError: q is neither, or the times are not in order.
         """
         for name, function in (("v", v), ("a", a)):
             if function is not None and (isinstance(function, type) or not callable(function)):
@@ -271,7 +277,7 @@ class Motion:
 
     @classmethod
     def piecewise(cls, curve: Piecewise, labels: tuple[Label, ...] = (), smoothness: float | None = None) -> Motion:
-        """Return the motion of a piecewise polynomial; its smoothness is found out if it is not known."""
+        """Return the motion of a piecewise polynomial; its smoothness is computed if it is not given."""
         checks.instance("curve", curve, Piecewise, "a Piecewise polynomial")
         check_labels(labels)
         if smoothness is not None:
@@ -285,17 +291,10 @@ class Motion:
     def recorded(cls, recording: Recording, *, noise: float | Sequence[float] | None = None) -> Motion:
         """Return the motion of a Recording; see `from_samples`."""
         checks.instance("recording", recording, Recording, "a Recording")
+        recording = checked(recording)
         curve, smoothness, smoothed, notes = fit(recording, noise)
-        t, labels = recording.t, recording.labels
-        return cls(curve, float(t[0]), float(t[-1]), labels, smoothness, np.empty(0), t, smoothed, recording.q, notes)
-
-
-def labels_of(machine: Manipulator | None) -> tuple[Label, ...]:
-    """Return names and units of the coordinates of a machine; none without one."""
-    checks.instance("machine", machine, Manipulator | None, "a Manipulator such as spherical(), or None")
-    return () if machine is None else tuple(Label(c.name, c.unit) for c in machine.coordinates)
-
-
-def numbered(n: int) -> tuple[Label, ...]:
-    """Return the labels q1 .. qn."""
-    return tuple(Label(f"q{i + 1}") for i in range(n))
+        t, labels, nowhere = recording.t, recording.labels, np.empty(0)
+        return cls(
+            curve, float(t[0]), float(t[-1]), labels, smoothness, nowhere, t, smoothed, recording.q, notes,
+            recording.stated,
+        )  # fmt: skip

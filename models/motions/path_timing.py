@@ -10,11 +10,11 @@ import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect
+from models.motions.coordinate_labels import labels_of
 from models.motions.function_curves import ExpressionCurve
-from models.motions.motion import Motion, labels_of
+from models.motions.motion import Motion
 from models.motions.piecewise import Piecewise
 from models.motions.profiles import points
-from models.motions.recording import Recording
 from models.motions.solution_curve import Recorded
 from models.motions.splines import Ends, interpolate, natural
 from models.motions.timing_laws import on_path
@@ -49,9 +49,8 @@ def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | N
     s[-1] = 1.0
     if degree is None:
         degree = 5 if len(rows) > 2 else 3
-    recording = Recording(s, q)
     spline = interpolate(s, q, degree, natural(degree) if ends is None else ends)
-    return Motion.piecewise(spline, recording.labels, degree - 1)
+    return Motion.piecewise(spline, (), degree - 1)
 
 
 def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -> System:

@@ -40,9 +40,7 @@ class Piecewise:
         if not np.all(np.diff(breaks) > 0.0):
             raise ValueError("Piecewise: breaks must increase")
         if not np.all(np.isfinite(coefficients)):
-            raise ValueError(
-                f"Piecewise: pieces as short as {np.min(np.diff(breaks)):.3g} s exceed double precision"
-            )
+            raise ValueError(f"Piecewise: pieces as short as {np.min(np.diff(breaks)):.3g} s exceed double precision")
         object.__setattr__(self, "breaks", breaks)
         object.__setattr__(self, "coefficients", coefficients)
 

@@ -9,6 +9,7 @@ import numpy as np
 from models.motions.b_splines import as_piecewise, basis_rows
 from models.motions.band_matrices import factorise, multiply
 from models.motions.piecewise import Piecewise
+from models.torques.time_means import rms_of_samples
 from ocp.checks import Array
 from ocp.system import Label
 
@@ -220,7 +221,7 @@ class _Fit:
         spline = as_piecewise(self.knots, DEGREE, coefficients)
         powers = self.unit ** np.arange(DEGREE + 1)
         curve = Piecewise(self.t[0] + spline.breaks * self.unit, spline.coefficients / powers[:, None])
-        size = np.sqrt(squares / len(self.t))
+        size = rms_of_samples(self.t, residual)
         return Smoothed(curve, noise, size, strength, freedom, self.knots, self.unit, inverse, len(self.t))
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from models.machines.inverse_kinematics import Configurations, Inverse, continuous, wrapped
 from models.machines.manipulator import Manipulator
-from models.motions.motion import Motion, labels_of
-from models.motions.recording import Recording, check_rows
+from models.motions.coordinate_labels import labels_of
+from models.motions.motion import Motion
+from models.motions.recording import check_rows
 from models.motions.splines import at_rest, interpolate
 from models.motions.timing_laws import Composed, check_law
 from models.motions.tool_paths import Polynomial, ToolPath
@@ -145,8 +146,7 @@ def through_tool_points(
     Raises:
         ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
     """
-    check_rows("times", times, "points", points)
-    given = Recording(times, points)  # type: ignore[arg-type]
+    given = check_rows("times", times, "points", points)
     if given.q.shape[1] != 3:
         raise ValueError(f"points: got the shape {given.q.shape}, expected (K, 3)")
     since = given.t - given.t[0]

@@ -30,15 +30,15 @@ def right_hand_side(system: System, name: str = "rate") -> ca.Function:
 def write_code(functions: Sequence[ca.Function], path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write functions as C99 code without dependencies, and its header.
 
-    Every function f becomes int f(const double** arg, double** res, long long* iw, double* w, int mem), with
-    f_work(...) for the sizes of its work space; arguments and results column by column, in SI.
+    Every function f becomes int f(const double** arg, double** res, long long* iw, double* w, int mem) in C, with
+    f_work(...) for the sizes of its work arrays; arguments and results are stored column by column, in SI units.
 
     Args:
         functions: such as inverse_dynamics(machine, effects), right_hand_side(system); their names must differ.
-        path: of the .c file; the header stands beside it.
+        path: of the .c file; the header is written beside it.
 
     Returns:
-        The paths of the code and of the header; both appear when both are complete.
+        The paths of the code and of the header; neither file is written before both are complete.
 
     Raises:
         ValueError: no function, two of one name, or a path that does not end in .c.
@@ -70,8 +70,8 @@ def write_function(function: ca.Function, path: str | os.PathLike[str]) -> Path:
     """Write one function as a CasADi function file, which casadi.Function.load reads in every language of CasADi.
 
     Args:
-        function: any.
-        path: of the file, such as inverse_dynamics.casadi; it appears when it is complete.
+        function: of any inputs and outputs.
+        path: of the file, such as inverse_dynamics.casadi; it is moved there when it is complete.
 
     Raises:
         OSError: the file cannot be written.

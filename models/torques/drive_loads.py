@@ -1,4 +1,4 @@
-"""What a motion asks of each drive, and the limits of a drive."""
+"""Loads of the drives along a motion (peaks, root mean squares, energies), and the limits of a drive."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.torques.time_means import crossings, positive_part, rms
 from ocp import checks
 from ocp.checks import Array
 
-# A limit counts as exceeded beyond this share of it.
-SLACK = 1e-9
+# A limit counts as exceeded from this share beyond it on: above rounding, and the tolerance of the resolution.
+SLACK = 1e-4
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Envelope:
         peak: largest torque or force [N m or N].
         speed: no-load speed, at which no torque is left [rad/s or m/s].
         corner: speed up to which the peak torque is available; None: up to `speed` [rad/s or m/s].
-        continuous: torque or force that the drive bears for ever [N m or N].
+        continuous: torque or force that the drive delivers for any time without overheating [N m or N].
         power: [W].
 
     Raises:
@@ -59,7 +60,7 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Exceeded:
-    """An interval in which a drive is asked for more than it has."""
+    """An interval in which the motion needs more than the drive can deliver."""
 
     start: float  # [s]
     end: float
@@ -68,11 +69,11 @@ class Exceeded:
 
 @dataclass(frozen=True)
 class DriveLoad:
-    """What a motion asks of one drive; torques along +q of its coordinate."""
+    """Load of one drive along a motion; torques along +q of its coordinate."""
 
     name: str
     unit: str  # of the torque or force
-    peak: float  # largest magnitude, with its sign [unit]
+    peak: float  # torque of the largest absolute value, with its sign [unit]
     peak_time: float  # [s]
     rms: float  # sqrt(1/T integral tau^2 dt) [unit]
     speed: float  # largest |v| [rad/s or m/s]
@@ -85,57 +86,48 @@ class DriveLoad:
     overheated: bool  # the root mean square is beyond the continuous torque
 
 
-def drive_load(name: str, unit: str, t: Array, v: Array, tau: Array, limit: Envelope | None) -> DriveLoad:
-    """Return the load of one drive from samples (K,) of its motion; integrals by the trapezoidal rule.
+def drive_loads(
+    names: tuple[str, ...], units: tuple[str, ...], t: Array, v: Array, tau: Array, limits: tuple[Envelope, ...]
+) -> tuple[DriveLoad, ...]:
+    """Return the loads of n drives from velocities and torques that are linear between the times.
 
     Args:
-        name, unit: of the torque.
-        t: increasing times [s].
-        v: velocities [rad/s or m/s].
-        tau: torques [N m] or forces [N].
-        limit: of the drive, or None.
+        names, units: (n,) of the torques.
+        t: (K,) increasing [s].
+        v: (K, n) velocities [rad/s or m/s].
+        tau: (K, n) torques [N m] or forces [N].
+        limits: (n,) of the drives, or none.
     """
-    step, span = np.diff(t), float(t[-1] - t[0])
-    power = tau * v
-    motor, brake = positive_part(step, power), 0.0 - positive_part(step, -power)
-    # A piece on which tau is linear has this mean square exactly.
-    squares = float(np.sum(step * (tau[:-1] ** 2 + tau[:-1] * tau[1:] + tau[1:] ** 2) / 3.0))
-    rms = np.sqrt(squares / span)
-    top = int(np.argmax(np.abs(tau)))
-    return DriveLoad(
-        name, unit, float(tau[top]), float(t[top]), float(rms), float(np.max(np.abs(v))), (motor + brake) / span,
-        max(float(power.max()), 0.0), min(float(power.min()), 0.0), motor, brake,
-        exceeded(t, v, tau, limit) if limit is not None else (),
-        limit is not None and bool(rms > limit.continuous * (1.0 + SLACK)),
-    )  # fmt: skip
-
-
-def positive_part(step: Array, power: Array) -> float:
-    """Return the integral of max(P, 0) of samples joined by straight lines."""
-    first, last = power[:-1], power[1:]
-    high, low = np.maximum(first, last), np.minimum(first, last)
-    crossing = (high > 0.0) & (low < 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        area = np.where(crossing, high**2 / (high - low) / 2.0, np.maximum(first + last, 0.0) / 2.0)
-    return float(np.sum(step * area))
+    duration, power = float(t[-1] - t[0]), tau * v
+    motor, brake = positive_part(t, power), 0.0 - positive_part(t, -power)
+    mean_square, top = rms(t, tau), np.argmax(np.abs(tau), axis=0)
+    loads = []
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        limit, k = limits[i] if limits else None, int(top[i])
+        loads.append(DriveLoad(
+            name, unit, float(tau[k, i]), float(t[k]), float(mean_square[i]), float(np.max(np.abs(v[:, i]))),
+            float(motor[i] + brake[i]) / duration, max(float(power[:, i].max()), 0.0),
+            min(float(power[:, i].min()), 0.0), float(motor[i]), float(brake[i]),
+            exceeded(t, v[:, i], tau[:, i], limit) if limit is not None else (),
+            limit is not None and bool(mean_square[i] > limit.continuous * (1.0 + SLACK)),
+        ))  # fmt: skip
+    return tuple(loads)
 
 
 def exceeded(t: Array, v: Array, tau: Array, limit: Envelope) -> tuple[Exceeded, ...]:
-    """Return the intervals in which |tau| is beyond what the drive has at that speed."""
-    allowed = limit.torque(v)
-    over = np.abs(tau) > allowed * (1.0 + SLACK)
-    over |= np.abs(v) > limit.speed * (1.0 + SLACK)
+    """Return the intervals in which |tau| is beyond the torque available at that speed, or |v| beyond the speed."""
+    allowed, size = limit.torque(v), np.abs(tau)
+    over = size - allowed * (1.0 + SLACK)
+    if np.isfinite(limit.speed):
+        with np.errstate(invalid="ignore"):
+            beyond = (np.abs(v) - limit.speed * (1.0 + SLACK)) / limit.speed
+        # Of the two excesses the larger share decides; both are positive beyond their limit only.
+        over = np.where(beyond > 0.0, np.maximum(over, beyond * np.max(size)), over)
     results = []
-    for first, after in runs(over):
+    for first, after, start, end in crossings(t, over):
         part = slice(first, after)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.abs(tau[part]) / allowed[part]
+            ratio = size[part] / allowed[part]
         worst = float(np.max(np.where(np.isnan(ratio), np.inf, ratio)))
-        results.append(Exceeded(float(t[first]), float(t[after - 1]), worst))
+        results.append(Exceeded(start, end, worst))
     return tuple(results)
-
-
-def runs(flags: Array) -> list[tuple[int, int]]:
-    """Return the first place of every run of True in flags (K,), and the place after it."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [(int(first), int(after)) for first, after in edges.reshape(-1, 2)]

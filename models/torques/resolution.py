@@ -70,10 +70,7 @@ def refine(t: Array, values: Array, evaluate: Callable[[Array], Array], watched:
         ends = [first, *probed, last]
         # A step of the width of rounding cannot be split.
         bent &= width > 1e-12 * (t[-1] - t[0])
-        first, last = (
-            tuple(np.concatenate([side[k][bent] for side in ends[shift : shift + 3]]) for k in (0, 1))  # type: ignore[assignment]
-            for shift in (0, 1)
-        )
+        first, last = _joined(ends[:-1], bent), _joined(ends[1:], bent)
     coarse = len(first[0]) > 0
     growing = np.zeros(values.shape[1], dtype=bool)
     if coarse and len(peaks) > LAST:
@@ -112,7 +109,7 @@ def straight(t: Array, q: Array, v: Array, a: Array, tau: Array, derivative: Cal
     """
     turn = np.abs(np.diff(q, axis=0)) <= 0.01 * np.minimum(1.0, np.max(np.abs(q), axis=0) + 1e-300)
     pull = np.abs(np.diff(tau, axis=0)) <= 0.01 * np.max(np.abs(tau), axis=0)
-    calm = np.all(turn & pull, axis=1)
+    calm: Array = np.all(turn & pull, axis=1)
     chosen = np.flatnonzero(calm)
     if not len(chosen):
         return calm
@@ -122,3 +119,7 @@ def straight(t: Array, q: Array, v: Array, a: Array, tau: Array, derivative: Cal
         apart = np.abs(derivative(at, order) - line)
         calm[chosen] &= np.all(apart <= TOLERANCE * np.max(np.abs(rows), axis=0), axis=1)
     return calm
+
+
+def _joined(sides: list[tuple[Array, Array]], chosen: Array) -> tuple[Array, Array]:
+    return np.concatenate([t[chosen] for t, _ in sides]), np.concatenate([values[chosen] for _, values in sides])

@@ -1,4 +1,4 @@
-"""Drive torques of a given motion: Lagrange inverse dynamics, and what the motors of the drives make of them."""
+"""Inverse dynamics as CasADi functions: torques of the joints, and the quantities of motors and drives behind them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import Mechanics, assemble
 from models.mechanics.terms import Effect
 from ocp import checks
+from ocp.checks import Array
 from ocp.system import System
 
-# Time derivatives of the position, in the order in which they are asked for.
+# Time derivatives of the position, in the order of the inputs of `drive_dynamics`.
 DERIVATIVES = ("q", "v", "a", "jerk", "snap", "crackle")
 
 
 def inverse_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
-    """Return the drive torques of a motion, read off the Lagrange equations from left to right.
+    """Return the drive torques of a motion: the left-hand side of the Lagrange equations.
 
     tau = g(q) a + Gamma(q)(v, v) + dU/dq - (forces of effects)
 
-    tau is the force on the joints, whatever the drives are; `drive_dynamics` goes on to the motors. Nothing is
-    inverted: the function exists at every configuration, singular ones included.
+    tau is the force on the joints, whatever the drives are; `drive_dynamics` gives those of the motors. No matrix is
+    inverted, so that the function is defined in every position, singular ones included.
 
     Args:
         machine: from `cylindrical`, `spherical` or `torus`.
@@ -84,19 +85,19 @@ def recover(system: System, machine: Manipulator, effects: Sequence[Effect] = ()
 
 
 def drive_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
-    """Return what the drives need for a motion: torques of joints and motors, and the control that makes them.
+    """Return the quantities of the drives along a motion: torques of joints and motors, and the control they need.
 
     ElasticDrive: motor_q = q + tau / k and its derivatives, motor_tau = J motor_a + tau. LaggedDrive: command =
     tau + T dtau/dt. MotorDrive: current = tau / (k N), voltage = R i + L di/dt + k N v. Time derivatives of tau follow
-    from those of q, so that each of them asks for more derivatives of the motion.
+    from those of q, so that each of them needs one more derivative of the motion.
 
     Args:
         machine: from `cylindrical`, `spherical` or `torus`.
         effects: with at most one of LaggedDrive and MotorDrive, and at most one ElasticDrive.
 
     Returns:
-        Function (q, v, a, [jerk, [snap, [crackle,]]] p [, t]) -> tau, motor_q, motor_v, motor_tau and what the drive
-        publishes, by name; derivatives as far as they are needed (`Function.name_in()` lists them), (n,) each.
+        Function (q, v, a, [jerk, [snap, [crackle,]]] p [, t]) -> tau, motor_q, motor_v, motor_tau and the signals of
+        the drive, by name, (n,) each; `Function.name_in()` lists the derivatives that are needed.
 
     Raises:
         TypeError: no machine, or no effect.
@@ -173,3 +174,8 @@ def clock(mechanics: Mechanics) -> ca.SX:
     """Return the symbol of the time, or nothing if no effect is a function of it."""
     states = mechanics.terms.states
     return states["time"].symbol if "time" in states else ca.SX(0, 1)
+
+
+def time_column(function: ca.Function, t: Array) -> tuple[Array, ...]:
+    """Return the times as the last input of a function with the input t; nothing for one without."""
+    return (t[:, None],) if "t" in function.name_in() else ()

@@ -1,4 +1,4 @@
-"""Drive torques of a motion, split into what causes them."""
+"""Drive torques of a motion as a sum of parts: inertia, Coriolis forces, and one part for each effect."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Fu
     """Return the drive torques of a motion, split into parts that sum up to the inverse dynamics.
 
     "inertia": g(q) a and "coriolis": Gamma(q)(v, v), Coriolis and centrifugal forces, of the machine itself; then one
-    part for each effect that acts on the joints, by its name ("gravity", "payload", "coulomb", "rotor_inertia", ...;
+    part for each effect that acts on the joints, under its name ("gravity", "payload", "coulomb", "rotor_inertia", ...;
     "viscous_2" for a second one). A load has its own inertia, Coriolis forces and weight; gravity has the weight of the
     machine.
 
@@ -50,7 +50,7 @@ def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Fu
 
 
 def _share(mechanics: Mechanics, part: Part, a: ca.SX) -> ca.SX | None:
-    """Return what an effect asks of the drives (n,), None if it does not act on the joints."""
+    """Return the torque (n,) that the drives need because of an effect; None if it does not act on the joints."""
     q, v, terms = mechanics.machine.q, mechanics.machine.v, part.terms
     field, potential = mechanics.terms.acceleration, terms.potential
     if terms.acceleration is not None:

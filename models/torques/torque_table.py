@@ -1,4 +1,4 @@
-"""The torques of a motion as a table, their split, their uncertainty, and the load of every drive."""
+"""Torques of a motion as a table, their split, their uncertainty, and the load of every drive."""
 
 from __future__ import annotations
 
@@ -12,19 +12,28 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
-from models.torques.drive_loads import DriveLoad, Envelope, drive_load
-from models.torques.torque_functions import DERIVATIVES, drive_dynamics, inverse_dynamics
+from models.torques.drive_loads import DriveLoad, Envelope, drive_loads
+from models.torques.resolved_rows import resolved_rows
+from models.torques.shaft import Shaft, gear_ratios, shafts
+from models.torques.time_means import rms
+from models.torques.torque_functions import DERIVATIVES, drive_dynamics, inverse_dynamics, time_column
 from models.torques.torque_split import split_torques
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import CHUNK, Progress, evaluate
 
+Derivative = Callable[[Array, int], Array]  # times (K,), order -> (K, n) of a motion
 Covariance = Callable[[Array], Array]  # times (K,) -> (K, n, 3, 3) of position, velocity, acceleration
+NO_KNOTS = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueTable:
-    """t, q, v, a, tau of a motion, one row for each time, and what follows from them."""
+    """t, q, v, a, tau of a motion, one row for each time.
+
+    Loads, limits and means are those of the motion, not of the rows: between the rows it is evaluated at further
+    times, until torques and speeds are linear between them to 2e-5 of their peaks (see `resolved`).
+    """
 
     t: Array  # (K,) [s]
     q: Array  # (K, n) [rad or m]
@@ -34,16 +43,30 @@ class TorqueTable:
     machine: Manipulator
     effects: tuple[Effect, ...]
     parameters: Array  # values of the parameters that stay symbols
-    derivative: Callable[[Array, int], Array]  # times (K,), order -> (K, n) of the motion
+    derivative: Derivative
     smoothness: float = np.inf  # of the motion
     covariance: Covariance | None = None  # of q, v, a, if they come from noisy samples
     limits: tuple[Envelope, ...] = ()  # of the drives, or none
     notes: tuple[str, ...] = field(default=())
+    knots: Array = field(default_factory=lambda: NO_KNOTS)  # times at which a derivative of the motion jumps [s]
 
     @property
     def power(self) -> Array:
         """(K, n) tau v of every drive [W]."""
         return np.asarray(self.tau * self.v)
+
+    @cached_property
+    def resolved(self) -> TorqueTable:
+        """The table with further rows, between which torques and speeds are linear to 2e-5 of their peaks."""
+        result = resolved_rows(self)
+        for symbol, part in (("q", result.q), ("v", result.v), ("a", result.a), ("tau", result.tau)):
+            check_finite(symbol, part, result.t, self.machine)
+        result.__dict__["resolved"] = result
+        return result
+
+    def rms(self, values: Array) -> Array:
+        """Return the root mean square over time (n,) of quantities (K, n) at the rows, linear between them."""
+        return rms(self.t, values)
 
     @cached_property
     def split(self) -> dict[str, Array]:
@@ -52,7 +75,7 @@ class TorqueTable:
         "inertia" and "coriolis" are those of the bare machine; every effect that acts on the joints has one entry.
         """
         function = split_torques(self.machine, self.effects)
-        result = evaluate(function, self.q, self.v, self.a, self.parameters, *_time(function, self.t))
+        result = evaluate(function, self.q, self.v, self.a, self.parameters, *time_column(function, self.t))
         return dict(zip(function.name_out(), result, strict=True))
 
     @cached_property
@@ -79,7 +102,7 @@ class TorqueTable:
         result = np.empty_like(self.q)
         for start in range(0, len(self.t), CHUNK):
             part = slice(start, start + CHUNK)
-            time = _time(torques, self.t[part])
+            time = time_column(torques, self.t[part])
             (results,) = evaluate(slopes, self.q[part], self.v[part], self.a[part], self.parameters, *time)
             gradient = results.reshape(-1, 3, n, n)  # point, order, coordinate, torque
             variance = np.einsum("kbji,kjbc,kcji->ki", gradient, self.covariance(self.t[part]), gradient, optimize=True)
@@ -88,30 +111,50 @@ class TorqueTable:
 
     @cached_property
     def loads(self) -> tuple[DriveLoad, ...]:
-        """What the motion asks of each drive."""
-        limits: Sequence[Envelope | None] = self.limits or [None] * self.q.shape[1]
-        return tuple(
-            drive_load(f"tau_{c.name}", c.force_unit, self.t, self.v[:, i], self.tau[:, i], limit)
-            for i, (c, limit) in enumerate(zip(self.machine.coordinates, limits, strict=True))
-        )
+        """Load of each drive along the motion, also between the rows."""
+        coordinates, rows = self.machine.coordinates, self.resolved
+        names, units = tuple(f"tau_{c.name}" for c in coordinates), tuple(c.force_unit for c in coordinates)
+        return drive_loads(names, units, rows.t, rows.v, rows.tau, self.limits)
 
     @cached_property
     def drives(self) -> dict[str, Array]:
-        """Name -> (K, n) what the drives need beside tau: motor_q, motor_v, motor_tau, current, voltage, command ...
+        """Name -> (K, n) quantities of the drives: motor_q, motor_v, motor_tau, current, voltage, command ...
+
+        Positions, velocities and torques of the motors are in units of the joints; see `shaft` for the motor side.
 
         Raises:
             ValueError: the motion at one instant does not fix the drives, or it is not smooth enough for them.
         """
-        function = drive_dynamics(self.machine, self.effects)
-        orders = [DERIVATIVES.index(name) for name in function.name_in() if name in DERIVATIVES]
+        _, orders = self._drive_function
         if max(orders) - 1 > self.smoothness:
             raise ValueError(
                 f"the drives need the {DERIVATIVES[max(orders)]} of the motion, but its "
                 f"{DERIVATIVES[int(self.smoothness) + 1]} jumps; use a smoother motion, such as a septic or a spline"
             )
-        moved = [self.derivative(self.t, order) for order in orders]
-        result = evaluate(function, *moved, self.parameters, *_time(function, self.t))
+        return self.drives_at(self.t)
+
+    @cached_property
+    def _drive_function(self) -> tuple[ca.Function, list[int]]:
+        """Return the drive dynamics and the orders of the derivatives that they need."""
+        function = drive_dynamics(self.machine, self.effects)
+        return function, [DERIVATIVES.index(name) for name in function.name_in() if name in DERIVATIVES]
+
+    def drives_at(self, t: Array) -> dict[str, Array]:
+        """Return the quantities of the drives at times (K,) of the motion."""
+        function, orders = self._drive_function
+        moved = [self.derivative(t, order) for order in orders]
+        result = evaluate(function, *moved, self.parameters, *time_column(function, t))
         return dict(zip(function.name_out()[1:], result[1:], strict=True))
+
+    @cached_property
+    def shaft(self) -> Shaft | None:
+        """Torque, speed and power at the shafts of the motors; None if no effect has a gear ratio.
+
+        Raises:
+            ValueError: as `drives`.
+        """
+        ratios = gear_ratios(self.machine, self.effects)
+        return None if ratios is None else shafts(ratios, self.drives["motor_v"], self.drives["motor_tau"])
 
     @property
     def header(self) -> list[str]:
@@ -143,13 +186,14 @@ def tabulate(
     machine: Manipulator,
     effects: Sequence[Effect],
     t: Array,
-    derivative: Callable[[Array, int], Array],
+    derivative: Derivative,
     *,
     smoothness: float = np.inf,
     values: dict[str, float] | None = None,
     covariance: Covariance | None = None,
     limits: Sequence[Envelope] = (),
     notes: tuple[str, ...] = (),
+    knots: Array = NO_KNOTS,
     progress: Progress | None = None,
 ) -> TorqueTable:
     """Evaluate the inverse dynamics of a motion at times t.
@@ -159,11 +203,12 @@ def tabulate(
         t: (K,) increasing [s].
         derivative: of the motion, times (K,) and order -> (K, n).
         smoothness: highest order whose derivative is continuous.
-        values: of the parameters that stay symbols, by name; nominal where silent.
+        values: of the parameters that stay symbols, by name; those not given have their nominal value.
         covariance: of q, v, a.
         limits: one Envelope for each drive, or none.
         notes: sentences about the motion.
-        progress: called with points done and in all.
+        knots: times at which a derivative of the motion jumps [s].
+        progress: called with the points done and their total number.
 
     Raises:
         TypeError, ValueError: as `inverse_dynamics`; sizes that disagree; a parameter that is not there; a number that
@@ -171,7 +216,7 @@ def tabulate(
     """
     function = inverse_dynamics(machine, effects)
     n = len(machine.coordinates)
-    with np.errstate(all="ignore"):  # what overflows is told below
+    with np.errstate(all="ignore"):  # overflows are refused below
         parts = tuple(derivative(t, order) for order in range(3))
     if parts[0].shape[1] != n:
         names = ", ".join(c.name for c in machine.coordinates)
@@ -180,21 +225,34 @@ def tabulate(
     for limit in limits:
         checks.instance("limits, each", limit, Envelope, "an Envelope")
     if progress is not None and (isinstance(progress, type) or not callable(progress)):
-        raise TypeError(f"progress: got {checks.shown(progress)}, expected a function of points done and in all")
+        raise TypeError(f"progress: got {checks.shown(progress)}, expected a function of points done and total")
     if limits and len(limits) != n:
         raise ValueError(f"limits: {len(limits)} envelopes, {machine.name} has {n} drives")
     parameters = parameter_values(machine, effects, {} if values is None else values)
-    (tau,) = evaluate(function, *parts, parameters, *_time(function, t), progress=progress)
+    (tau,) = evaluate(function, *parts, parameters, *time_column(function, t), progress=progress)
     q, v, a = parts
     for symbol, part in (("q", q), ("v", v), ("a", a), ("tau", tau)):
-        _check_finite(symbol, part, t, machine)
+        check_finite(symbol, part, t, machine)
     return TorqueTable(
-        t, q, v, a, tau, machine, tuple(effects), parameters, derivative, smoothness, covariance, tuple(limits), notes
+        t,
+        q,
+        v,
+        a,
+        tau,
+        machine,
+        tuple(effects),
+        parameters,
+        derivative,
+        smoothness,
+        covariance,
+        tuple(limits),
+        notes,
+        knots,
     )
 
 
-def _check_finite(symbol: str, values: Array, t: Array, machine: Manipulator) -> None:
-    """Refuse numbers beyond double precision, by name and time."""
+def check_finite(symbol: str, values: Array, t: Array, machine: Manipulator) -> None:
+    """Raise ValueError with name and time for a number that is not finite."""
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         k, i = bad[0]
@@ -202,11 +260,6 @@ def _check_finite(symbol: str, values: Array, t: Array, machine: Manipulator) ->
             f"{symbol}_{machine.coordinates[i].name} is {values[k, i]} at {t[k]:.9g} s: a derivative of the motion, a "
             "speed or a parameter is too large for double precision, or the motion is not defined there"
         )
-
-
-def _time(function: ca.Function, t: Array) -> tuple[Array, ...]:
-    """Return the times as a last input, for a function that has one because an effect changes with the time."""
-    return (t[:, None],) if "t" in function.name_in() else ()
 
 
 def parameter_values(machine: Manipulator, effects: Sequence[Effect], values: dict[str, float]) -> Array:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from models import Motion, Scene, through_tool_points
+from models.motions.coordinate_labels import labels_of
 from models.motions.csv_tables import column_names, read_csv, read_waypoints
-from models.motions.motion import labels_of
 from models.motions.recording import Recording
 from models.scenes import catalogue
 from ocp import load

@@ -236,21 +236,25 @@ def test_loads_of_a_swinging_axis():
     assert lift.overheated
     # |tau| = M w^2 |sin| against 2000 at |v| = w |cos| <= 3, and a line to zero at 7 beyond.
     first = lift.exceeded[0]
-    over = np.abs(table.tau[:, 1]) > np.interp(np.abs(table.v[:, 1]), [0, 3, 7], [2000, 2000, 0]) * (1 + 1e-9)
-    assert first.start == table.t[np.argmax(over)]
-    assert sum(np.sum((table.t >= e.start) & (table.t <= e.end)) for e in lift.exceeded) == np.sum(over)
+    fine = np.linspace(0.0, 1.0, 2_000_001)
+    speed = np.abs(w * np.cos(w * fine))
+    over = mass * w**2 * np.abs(np.sin(w * fine)) > np.interp(speed, [0, 3, 7], [2000, 2000, 0]) * (1 + 1e-4)
+    assert first.start == pytest.approx(fine[np.argmax(over)], abs=1e-5)
+    assert sum(e.end - e.start for e in lift.exceeded) == pytest.approx(np.mean(over), abs=1e-4)
     assert table.loads[0].exceeded == ()
 
 
 def test_limits_of_effects_along_a_motion():
     arm, q0, q1 = ENDS["torus"]
     effects = [Gravity(), TorqueSpeed(stall=(400.0, 900.0, 300.0), no_load=6.0, peak=(1e4, 250.0, 1e4))]
-    table = Motion.septic(q0, q1, 0.8).torques(arm, effects)
+    # Seven rows say nothing of the motion between them; the limits are checked along the motion.
+    found = broken_limits(Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 7)))
+    table = Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 40_001))
     share = table.tau / [400.0, 900.0, 300.0] + table.v / 6.0
-    outside = np.any(np.abs(share) > 1.0 + 1e-9, axis=1) | (np.abs(table.tau[:, 1]) > 250.0 * (1 + 1e-9))
-    found = broken_limits(table)
+    outside = np.any(np.abs(share) > 1.0 + 1e-4, axis=1) | (np.abs(table.tau[:, 1]) > 250.0 * (1 + 1e-4))
     covered = np.any([(table.t >= span.start) & (table.t <= span.end) for span in found], axis=0)
-    np.testing.assert_array_equal(covered, outside)
+    assert 0.1 < np.mean(outside) < 0.9
+    assert np.mean(covered != outside) < 2e-4
     assert {span.limit for span in found} <= {-1.0, 1.0, 250.0, -250.0}
     assert broken_limits(Motion.septic(q0, q1, 0.8).torques(arm, [Gravity()])) == ()
 

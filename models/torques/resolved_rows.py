@@ -1,0 +1,78 @@
+"""A torque table with so many rows that nothing is missed between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.mechanics.mechanics import assemble
+from models.torques import resolution
+from models.torques.torque_functions import inverse_dynamics, time_column
+from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
+
+if TYPE_CHECKING:
+    from models.torques.torque_table import TorqueTable
+
+
+def resolved_rows(table: TorqueTable) -> TorqueTable:
+    """Return a table with further rows, between which torques and speeds are linear to 2e-5 of their peaks.
+
+    Quantities of drives with a transmission or a motor model are resolved, too. The notes name torques that grow
+    without bound, as at a stop in a singular position.
+
+    Args:
+        table: of a motion.
+    """
+    n = table.q.shape[1]
+    function = inverse_dynamics(table.machine, table.effects)
+    drives = _drives_matter(table)
+
+    def evaluated(t: Array) -> Array:
+        """Return q, v, a, tau and the quantities of the drives (K, m)."""
+        q, v, a = (table.derivative(t, order) for order in range(3))
+        (tau,) = evaluate(function, q, v, a, table.parameters, *time_column(function, t))
+        return np.hstack([q, v, a, tau, *(table.drives_at(t).values() if drives else ())])
+
+    with np.errstate(all="ignore"):  # numbers that are not finite are refused by `replaced`
+        t, added = table.t, resolution.with_knots(table.t, table.knots, table.smoothness < 2)
+        rows = np.hstack([table.q, table.v, table.a, table.tau, *(table.drives.values() if drives else ())])
+        if len(added):
+            order = np.argsort(np.concatenate([t, added]), kind="stable")
+            t, rows = np.concatenate([t, added])[order], np.vstack([rows, evaluated(added)])[order]
+        if drives or "t" in function.name_in():
+            still = np.zeros(len(t) - 1, dtype=bool)
+        else:
+            q, v, a, tau = _parts(rows, n)
+            still = resolution.straight(t, q, v, a, tau, table.derivative)
+        watched = np.ones(rows.shape[1], dtype=bool)
+        watched[:n] = watched[2 * n : 3 * n] = False  # positions and accelerations
+        refined = resolution.refine(t, rows, evaluated, watched, still)
+    q, v, a, tau = _parts(refined.values, n)
+    notes = list(table.notes)
+    for i in np.flatnonzero(refined.growing[3 * n : 4 * n]):
+        at = refined.t[int(np.argmax(np.abs(tau[:, i])))]
+        notes.append(
+            f"tau_{table.machine.coordinates[i].name} grows without bound towards t = {at:.6g} s, as in a singular "
+            "position: its peak and its rms are those of the finest step only"
+        )
+    if refined.coarse and not np.any(refined.growing):
+        notes.append("the torques jump between some times, to the nearest of which they are resolved")
+    return replace(table, t=refined.t, q=q, v=v, a=a, tau=tau, notes=tuple(notes))
+
+
+def _drives_matter(table: TorqueTable) -> bool:
+    """Whether the drives have a model of their own, and the motion is smooth enough for it."""
+    terms = assemble(table.machine, table.effects).terms
+    if terms.transmission is None and terms.source is None:
+        return False
+    try:
+        return bool(table.drives)
+    except ValueError:
+        return False
+
+
+def _parts(rows: Array, n: int) -> list[Array]:
+    return [rows[:, k * n : (k + 1) * n] for k in range(4)]
