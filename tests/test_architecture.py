@@ -26,7 +26,7 @@ FLOORS = 10
 LIBRARIES = {"ocp": {"casadi", "numpy"}, "models": {"casadi", "numpy"}}
 # Libraries of an extra, imported where they are needed.
 OPTIONAL = {
-    "models/motions/ros_trajectory.py": {"yaml"},
+    "models/motions/ros_messages.py": {"yaml"},
     "ocp/studies/designs.py": {"scipy"},
     "ocp/studies/executors.py": {"distributed", "mpi4py"},
     "ocp/studies/table.py": {"pandas", "pyarrow", "xarray"},

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from models.motions.hermite import hermite
+from models.motions.hermite_splines import hermite
 from models.motions.piecewise import Piecewise
 from ocp import checks
 from ocp.checks import Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.motions.hermite import accelerations, hermite
+from models.motions.hermite_splines import accelerations, hermite
 from models.motions.piecewise import Piecewise
 from models.motions.recording import Recording
 from models.motions.smoothing import ALL, Smoothed, smooth

@@ -86,7 +86,7 @@ class DriveLoad:
     overheated: bool  # the root mean square is beyond the continuous torque
 
 
-def drive_loads(
+def loads_of(
     names: tuple[str, ...], units: tuple[str, ...], t: Array, v: Array, tau: Array, limits: tuple[Envelope, ...]
 ) -> tuple[DriveLoad, ...]:
     """Return the loads of n drives from velocities and torques that are linear between the times.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from models.torques.torque_table import TorqueTable
 
 
-def resolved_rows(table: TorqueTable) -> TorqueTable:
+def resolve_rows(table: TorqueTable) -> TorqueTable:
     """Return a table with further rows, between which torques and speeds are linear to 2e-5 of their peaks.
 
     Quantities of drives with a transmission or a motor model are resolved, too. The notes name torques that grow

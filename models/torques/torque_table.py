@@ -12,8 +12,8 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
-from models.torques.drive_loads import DriveLoad, Envelope, drive_loads
-from models.torques.resolved_rows import resolved_rows
+from models.torques.drive_loads import DriveLoad, Envelope, loads_of
+from models.torques.resolved_rows import resolve_rows
 from models.torques.shaft import Shaft, gear_ratios, shafts
 from models.torques.time_means import rms
 from models.torques.torque_functions import DERIVATIVES, drive_dynamics, inverse_dynamics, time_column
@@ -58,7 +58,7 @@ class TorqueTable:
     @cached_property
     def resolved(self) -> TorqueTable:
         """The table with further rows, between which torques and speeds are linear to 2e-5 of their peaks."""
-        result = resolved_rows(self)
+        result = resolve_rows(self)
         for symbol, part in (("q", result.q), ("v", result.v), ("a", result.a), ("tau", result.tau)):
             check_finite(symbol, part, result.t, self.machine)
         result.__dict__["resolved"] = result
@@ -114,7 +114,7 @@ class TorqueTable:
         """Load of each drive along the motion, also between the rows."""
         coordinates, rows = self.machine.coordinates, self.resolved
         names, units = tuple(f"tau_{c.name}" for c in coordinates), tuple(c.force_unit for c in coordinates)
-        return drive_loads(names, units, rows.t, rows.v, rows.tau, self.limits)
+        return loads_of(names, units, rows.t, rows.v, rows.tau, self.limits)
 
     @cached_property
     def drives(self) -> dict[str, Array]:

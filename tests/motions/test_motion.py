@@ -5,7 +5,7 @@ import pytest
 
 from models import Motion, torus
 from models.effects import Gravity
-from models.motions.hermite import hermite
+from models.motions.hermite_splines import hermite
 from models.motions.splines import Ends, natural
 from models.motions.timing_laws import on_path
 
