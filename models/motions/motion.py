@@ -117,7 +117,7 @@ class Motion:
         Raises:
             TypeError, ValueError: see `models.motions.motion_torques.torques_of`.
         """
-        return torques_of(self, machine, effects, times, values=values, limits=limits, progress=progress)
+        return torques_of(self, machine, effects, times, values, limits, progress)  # type: ignore[arg-type]
 
     def differenced(self) -> Motion:
         """Return the motion with derivatives by differences of the samples: noisy, for comparison only.

@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
+from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import assemble
+from models.mechanics.terms import Effect
 from models.torques import resolution
 from models.torques.torque_functions import inverse_dynamics, time_column
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 
-if TYPE_CHECKING:
-    from models.torques.torque_table import TorqueTable
+
+class Rows(Protocol):
+    """A torque table, as far as its resolution needs it; see `TorqueTable`."""
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    machine: Manipulator
+    effects: tuple[Effect, ...]
+    parameters: Array
+    derivative: Callable[[Array, int], Array]
+    smoothness: float
+    knots: Array
+
+    @property
+    def drives(self) -> dict[str, Array]:
+        """Quantities of the drives (K, n) by name."""
+
+    def drives_at(self, t: Array) -> dict[str, Array]:
+        """Return the quantities of the drives at times (K,)."""
 
 
-def resolve_rows(table: TorqueTable) -> TorqueTable:
-    """Return a table with further rows, between which torques and speeds are linear to 2e-5 of their peaks.
+def resolve_rows(table: Rows) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return t, q, v, a, tau with further rows, between which torques and speeds are linear to 2e-5 of their peaks.
 
-    Quantities of drives with a transmission or a motor model are resolved, too. The notes name torques that grow
-    without bound, as at a stop in a singular position.
+    Quantities of drives with a transmission or a motor model are resolved, too. The second value are notes about
+    torques that grow without bound, as at a stop in a singular position.
 
     Args:
         table: of a motion.
@@ -51,7 +73,7 @@ def resolve_rows(table: TorqueTable) -> TorqueTable:
         watched[:n] = watched[2 * n : 3 * n] = False  # positions and accelerations
         refined = resolution.refine(t, rows, evaluated, watched, still)
     q, v, a, tau = _parts(refined.values, n)
-    notes = list(table.notes)
+    notes = []
     for i in np.flatnonzero(refined.growing[3 * n : 4 * n]):
         at = refined.t[int(np.argmax(np.abs(tau[:, i])))]
         notes.append(
@@ -60,10 +82,10 @@ def resolve_rows(table: TorqueTable) -> TorqueTable:
         )
     if refined.coarse and not np.any(refined.growing):
         notes.append("the torques jump between some times, to the nearest of which they are resolved")
-    return replace(table, t=refined.t, q=q, v=v, a=a, tau=tau, notes=tuple(notes))
+    return {"t": refined.t, "q": q, "v": v, "a": a, "tau": tau}, tuple(notes)
 
 
-def _drives_matter(table: TorqueTable) -> bool:
+def _drives_matter(table: Rows) -> bool:
     """Whether the drives have a model of their own, and the motion is smooth enough for it."""
     terms = assemble(table.machine, table.effects).terms
     if terms.transmission is None and terms.source is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -58,9 +58,10 @@ class TorqueTable:
     @cached_property
     def resolved(self) -> TorqueTable:
         """The table with further rows, between which torques and speeds are linear to 2e-5 of their peaks."""
-        result = resolve_rows(self)
-        for symbol, part in (("q", result.q), ("v", result.v), ("a", result.a), ("tau", result.tau)):
-            check_finite(symbol, part, result.t, self.machine)
+        rows, notes = resolve_rows(self)  # type: ignore[arg-type]  # its attributes are read only
+        for symbol in ("q", "v", "a", "tau"):
+            check_finite(symbol, rows[symbol], rows["t"], self.machine)
+        result = replace(self, **rows, notes=(*self.notes, *notes))  # type: ignore[arg-type]
         result.__dict__["resolved"] = result
         return result
 
