@@ -12,8 +12,8 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Free, Problem
+from ocp.solution.figure import Figure
 from ocp.solution.solution import Solution
-from ocp.solution.violations import Figure
 
 AT_LIMIT = 1e-9  # relative distance from its limit within which a duration is at it
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ocp.solution.violations import Figure
+from ocp.solution.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,11 @@ from ocp.checks import Array
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.problem import Problem
 from ocp.solution.attached_problem import with_problem
+from ocp.solution.figure import Figure
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import scales_of_states
-from ocp.solution.violations import Figure, excess
+from ocp.solution.violations import excess
 from ocp.system import System
 
 TIGHT = 1e-12  # tolerance of the re-integration

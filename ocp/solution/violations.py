@@ -11,68 +11,152 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
+from ocp.solution.figure import Figure
+from ocp.solution.limit_scales import Limited, limit_scale
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import scales_of_states
 from ocp.transcription.schemes.scheme import Control
 
-SAMPLES = 24  # points of each element at which limits are checked
-
-
-class Figure(float):
-    """A number with its unit, the scale that it is relative to, and the component and time at which it occurs."""
-
-    unit: str
-    scale: str
-    what: str
-    at: float
-
-    def __new__(cls, value: float, unit: str, scale: str, what: str = "", at: float = float("nan")) -> Figure:
-        """Return the number with its description."""
-        figure = super().__new__(cls, value)
-        figure.unit, figure.scale, figure.what, figure.at = unit, scale, what, at
-        return figure
-
-    def __str__(self) -> str:
-        where = f" ({self.what}{f' at {self.at:.4g} s' if np.isfinite(self.at) else ''})" if self.what else ""
-        return f"{float(self):.2e} {self.unit} of {self.scale}{where}"
+__all__ = ["Figure", "between_points", "excess", "touched"]
+SAMPLES = 24  # points of each element at which limits are checked before the worst point is searched
+SEARCHES = 32  # local maxima of one component that are searched
+NARROWINGS = 34  # golden sections of an interval between samples, each by 0.618
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 
 def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> list[tuple[float, Figure]]:
-    """Return for every limited component its excess relative to its range, and in its unit with name and time.
+    """Return for every limited component its largest excess over its limits, relative and in its unit.
 
-    One without a range is measured by its largest value, or by what states of their sizes make of it.
+    The excess is sampled at 24 points of each element; from the largest local maxima of the samples it is maximised by
+    golden sections, so that a region that is entered and left between two samples is seen. The relative excess refers
+    to the scale of the limit (`ocp.solution.limit_scales`): the distance between both limits, the range of a
+    coordinate, the depth of a forbidden region.
 
     Args:
         solution: with finite states.
         problem: whose limits they are.
-        scale: (nx,) sizes of the states; None for those of the motion.
+        scale: (nx,) scales of the states; None for those of the motion.
+
+    Returns:
+        (relative excess, excess with unit, name and time) of each component.
     """
     results = []
     scale = scales_of_states(solution, problem)[0] if scale is None else scale
-    # Both ends of every element are among the places, since the control may jump there.
-    dense, x, _, u = solution.samples(np.linspace(0.0, 1.0, SAMPLES))
-    system = problem.system
-    p = solution.parameters
     for constraint in problem.subject_to:
-        by_states = ca.mtimes(ca.fabs(ca.jacobian(constraint.expression, system.x)), scale)
-        outputs = [constraint.expression, ca.densify(by_states)]
-        function = ca.Function("limit", [system.x, system.u, system.p], outputs).map(len(dense))
-        motion, made = (np.array(part) for part in function(x.T, u.T, np.tile(p[:, None], len(dense))))
-        if constraint.where is Where.PERIODIC:
-            rows, values = slice(-1, None), motion[:, -1:] - motion[:, :1]
-        else:
-            rows = {Where.START: slice(0, 1), Where.END: slice(-1, None), Where.ALONG: slice(None)}[constraint.where]
-            values = motion[:, rows]
-        beyond = np.maximum(constraint.lower[:, None] - values, values - constraint.upper[:, None])
+        limited = Limited(constraint, problem.system, solution.parameters, scale)
+        search = _Search(solution, limited)
         for c, label in enumerate(problem.labels(constraint)):
-            place = int(np.argmax(beyond[c]))
-            amount = max(float(beyond[c, place]), 0.0)
-            sides = np.array([constraint.lower[c], constraint.upper[c]])
-            reach = np.ptp(sides) if np.all(np.isfinite(sides)) else 0.0
-            size = reach or max(float(np.max(np.abs(motion[c]))), float(np.nan_to_num(np.max(made[c])))) or 1.0
-            figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, dense[rows][place])
-            results.append((amount / size, figure))
+            amount, time, x = search.worst(c)
+            figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, time)
+            share = amount / limit_scale(limited, c, search.range[c], x, amount) if amount > 0.0 else 0.0
+            results.append((share, figure))
     return results
+
+
+def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -> dict[str, list[tuple[int, float]]]:
+    """Return where nonlinear limits of states, such as obstacles, are exceeded between the nodes.
+
+    Args:
+        solution: with finite states.
+        problem: whose limits they are.
+        allowed: relative excess that counts as none.
+
+    Returns:
+        name of the limit -> (element, tau) of every local maximum of the excess that is not allowed.
+    """
+    results: dict[str, list[tuple[int, float]]] = {}
+    system = problem.system
+    chosen = [
+        constraint
+        for constraint in problem.subject_to
+        if constraint.where is Where.ALONG
+        and not ca.depends_on(constraint.expression, system.u)
+        and any(ca.which_depends(constraint.expression, system.x, 2, True))
+    ]
+    scale = scales_of_states(solution, problem)[0] if chosen else np.zeros(0)
+    for constraint in chosen:
+        limited = Limited(constraint, system, solution.parameters, scale)
+        search = _Search(solution, limited)
+        for c in filter(limited.nonlinear, range(constraint.expression.numel())):
+            element, tau, amount, x = search.peaks(c, 0.0)
+            if not len(element) or np.max(amount) <= 0.0:
+                continue
+            worst = int(np.argmax(amount))
+            least = allowed * limit_scale(limited, c, search.range[c], x[worst], float(amount[worst]))
+            points = [(int(k), float(t)) for k, t, one in zip(element, tau, amount, strict=True) if one > least]
+            if points:
+                results[problem.labels(constraint)[c].name] = points
+    return results
+
+
+class _Search:
+    """Maximisation of the excess of one constraint along a motion."""
+
+    def __init__(self, solution: Solution, limited: Limited) -> None:
+        self.solution, self.limited = solution, limited
+        self.tau = np.linspace(0.0, 1.0, SAMPLES)  # both ends, since the control may jump there
+        self.times, self.x, _, u = solution.samples(self.tau)
+        values, by_states = limited.evaluate(self.x, u)
+        # The zero of an expression of states is arbitrary (a temperature, an angle), that of a control is rest.
+        spread = np.ptp(values, axis=1) if limited.of_states else np.max(np.abs(values), axis=1)
+        self.range = np.maximum(np.nan_to_num(spread), np.nan_to_num(np.max(by_states, axis=1)))
+        where = limited.constraint.where
+        self.along = where is Where.ALONG
+        if where is Where.PERIODIC:
+            values = values[:, -1:] - values[:, :1]
+        rows = {Where.START: slice(0, 1), Where.ALONG: slice(None)}.get(where, slice(-1, None))
+        self.beyond = limited.beyond(values if where is Where.PERIODIC else values[:, rows])
+        self.times, self.x = self.times[rows], self.x[rows]
+
+    def worst(self, c: int) -> tuple[float, float, Array]:
+        """Return the largest excess of component c (zero if there is none), its time, and the state there."""
+        index = int(np.argmax(self.beyond[c]))
+        amount, time, x = float(self.beyond[c, index]), float(self.times[index]), self.x[index]
+        element, tau, inner, states = self.peaks(c, max(amount, 0.0))
+        if len(element) and np.max(inner) > amount:
+            grid, best = self.solution.grid, int(np.argmax(inner))
+            share = grid.ends[element[best]] + tau[best] * grid.widths[element[best]]
+            amount, time, x = float(inner[best]), float(self.solution.duration * share), states[best]
+        return max(amount, 0.0), time, x
+
+    def peaks(self, c: int, least: float) -> tuple[Array, Array, Array, Array]:
+        """Return element, tau, excess and state (K, nx) of local maxima of component c that may exceed a value."""
+        usable = self.along and self.solution.duration > 0.0 and bool(np.all(np.isfinite(self.beyond[c])))
+        element, low, high = self._brackets(self.beyond[c] if usable else np.full(SAMPLES, -1.0), least)
+        if not len(element):
+            return element, low, low, np.zeros((0, self.x.shape[1]))
+        tau = self._narrowed(c, element, low, high)
+        inner, states = self._at(c, element, tau)
+        return element, tau, inner, states
+
+    def _brackets(self, beyond: Array, least: float) -> tuple[Array, Array, Array]:
+        """Return (element, lower and upper tau) around local maxima of the samples that may exceed a value."""
+        samples = beyond.reshape(-1, SAMPLES)
+        padded = np.pad(samples, ((0, 0), (1, 1)), mode="edge")
+        before, after = samples - padded[:, :-2], samples - padded[:, 2:]
+        # A parabola through three samples rises above the middle one by less than half its larger difference.
+        estimate = samples + 0.5 * np.maximum(np.abs(before), np.abs(after))
+        element, k = np.nonzero((before >= 0.0) & (after >= 0.0) & (estimate > least))
+        chosen = np.argsort(-estimate[element, k], kind="stable")[:SEARCHES]
+        element, k = element[chosen], k[chosen]
+        return element, self.tau[np.maximum(k - 1, 0)], self.tau[np.minimum(k + 1, SAMPLES - 1)]
+
+    def _narrowed(self, c: int, element: Array, low: Array, high: Array) -> Array:
+        """Return the maxima (K,) within intervals of tau by golden sections, all at once."""
+        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        at_left, at_right = self._at(c, element, left)[0], self._at(c, element, right)[0]
+        for _ in range(NARROWINGS):
+            rises = at_right > at_left
+            low, high = np.where(rises, left, low), np.where(rises, high, right)
+            new = np.where(rises, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
+            value = self._at(c, element, new)[0]
+            left, right = np.where(rises, right, new), np.where(rises, new, left)
+            at_left, at_right = np.where(rises, at_right, value), np.where(rises, value, at_left)
+        return np.asarray(np.where(at_right > at_left, right, left))
+
+    def _at(self, c: int, element: Array, tau: Array) -> tuple[Array, Array]:
+        x, u = self.solution.inside(element, tau)
+        return np.asarray(self.limited.beyond(self.limited.evaluate(x, u)[0])[c]), x
 
 
 POINTS = np.linspace(0.0, 1.0, 11)  # of each element at which singularities are looked for

@@ -10,6 +10,7 @@ from typing import Any
 
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
+from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
 from ocp.solving.guess_ladder import Smooth, StraightLine
 from ocp.solving.nlp_solver import NlpSettings
@@ -28,6 +29,9 @@ def solve(
     values: Mapping[str, float] | None = None,
 ) -> AnySolution:
     """Solve a problem by direct collocation; a solution comes back whatever happens.
+
+    Constraints are rows of the NLP at the nodes. Where the motion exceeds a nonlinear limit of states, such as an
+    obstacle, between them, the grid is refined there and the problem solved again; the message says so.
 
     Args:
         problem: a Problem, or a Sequence of them.
@@ -50,5 +54,5 @@ def solve(
     prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
     if doubts and guess is None:
         guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
-    result = prepared(guess, values)
+    result = held_between_nodes(prepared(guess, values), problem, scheme, solver, values)
     return replace(result, message=f"{result.message}; but {'; '.join(doubts)}") if doubts and result.ok else result

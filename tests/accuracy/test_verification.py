@@ -33,8 +33,8 @@ from ocp import (
     uniform,
     verify,
 )
+from ocp.solution.figure import Figure
 from ocp.solution.storage import load
-from ocp.solution.violations import Figure
 
 x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
 none = ca.SX(0, 1)

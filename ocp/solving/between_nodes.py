@@ -1,0 +1,97 @@
+"""Limits between the nodes: a motion that passes through an obstacle from node to node is solved again on a finer grid.
+
+Constraints are rows of the NLP at the nodes only. A small obstacle may lie between two of them, and the solver has no
+reason to avoid it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence
+from ocp.solution.sequence_solution import SequenceSolution
+from ocp.solution.solution import Solution
+from ocp.solution.violations import passed_between_nodes
+from ocp.solving.guess_conversion import AnySolution
+from ocp.solving.nlp_solver import NlpSettings
+from ocp.solving.prepared_nlp import prepare
+from ocp.transcription.grid import Grid
+from ocp.transcription.schemes.scheme import Scheme
+
+ALLOWED = 1e-3  # relative excess over a limit between the nodes; half of what `verify` allows
+ROUNDS = 8  # of refinement
+MOST = 4  # times the elements of the first grid
+
+
+def held_between_nodes(
+    result: AnySolution, problem: Problem | Sequence, scheme: Scheme | None, solver: NlpSettings | None,
+    values: Mapping[str, float] | None,
+) -> AnySolution:  # fmt: skip
+    """Return a solution that keeps nonlinear limits of states between the nodes as well.
+
+    Elements in which such a limit is exceeded by more than 1e-3 of its scale are split where the excess is largest, and
+    the problem is solved again from the motion found, up to eight times. The message says so, and if it did not help.
+
+    Args:
+        result: of any status; only a solved one is looked at.
+        problem: that it solves.
+        scheme, solver, values: of the solve.
+    """
+    best, first = result, _grid(result)
+    names: dict[str, None] = {}
+    left = _passed(result) if result.ok else {}
+    for _ in range(ROUNDS):
+        if not left:
+            break
+        names.update(dict.fromkeys(left))
+        grid = _split(_grid(best), [point for points in left.values() for point in points])
+        if len(grid) > MOST * max(len(first), 10):
+            break
+        prepared = prepare(problem, scheme, grid, solver, best, values)
+        again = prepared.proceed(best, values) if isinstance(best, Solution) else prepared(best, values)
+        if not again.ok:
+            again = prepared(None, values)
+        if not again.ok:
+            break
+        spent = best.iterations + again.iterations
+        if isinstance(again, Solution) and isinstance(result, Solution):
+            again = replace(again, rung=result.rung)
+        best = replace(again, iterations=spent)
+        left = _passed(best)
+    if not names:
+        return result
+    limits = ", ".join(names)
+    words = f"between its nodes the motion passed through {limits}"
+    if left:
+        words += ": a finer grid is needed there"
+    else:
+        words += f"; solved again with {len(_grid(best))} elements instead of {len(first)}, finer there"
+    return replace(best, message=f"{best.message}; {words}")
+
+
+def _grid(result: AnySolution) -> Grid:
+    return result.phases[0].grid if isinstance(result, SequenceSolution) else result.grid
+
+
+def _passed(result: AnySolution) -> dict[str, list[tuple[int, float]]]:
+    every: dict[str, list[tuple[int, float]]] = {}
+    for solution in result.phases if isinstance(result, SequenceSolution) else (result,):
+        if solution.problem is not None and solution.duration > 0.0 and np.all(np.isfinite(solution.data)):
+            for name, points in passed_between_nodes(solution, solution.problem, ALLOWED).items():
+                every.setdefault(name, []).extend(points)
+    return every
+
+
+def _split(grid: Grid, points: list[tuple[int, float]]) -> Grid:
+    """Return a grid with every element that has points split at them, and its parts halved."""
+    nodes = [grid.ends]
+    for k in {k for k, _ in points}:
+        inside = np.clip(sorted(tau for one, tau in points if one == k), 0.1, 0.9)
+        parts = np.unique(np.concatenate([[0.0], inside, [1.0]]))
+        halves = (parts[:-1] + parts[1:]) / 2.0
+        nodes.append(grid.ends[k] + grid.widths[k] * np.concatenate([inside, halves]))
+    return Grid(np.unique(np.round(np.concatenate(nodes), 12)))
