@@ -11,6 +11,7 @@ from models.effects.effect_fields import quantity, read_fields
 from models.machines.body_metrics import point_metric, simplified
 from models.machines.manipulator import Body, Manipulator
 from models.machines.parameters import Value
+from models.machines.recursion import Load
 from models.mechanics.terms import Terms
 from ocp import checks
 
@@ -60,12 +61,15 @@ class Counterbalance:
             raise ValueError(
                 f"counterbalance.body: {machine.name} has no body {self.body!r}; it has {', '.join(bodies)}"
             )
-        body = machine.bodies[1] if self.body is None else bodies[self.body]
+        chosen = next(iter(bodies)) if len(bodies) == 1 else machine.bodies[1].name
+        body = bodies[chosen if self.body is None else self.body]
         column = machine.bodies[0].orientation
         arm, mass, stiffness = ca.sparsify(ca.SX(ca.vertcat(*fields["at"]))), fields["mass"], fields["stiffness"]
         point = body.centre + body.orientation @ arm
         own = Terms(symbols=fields.symbols, nominal=fields.nominal)
-        if isinstance(mass, ca.SX) or mass > 0.0:
+        if machine.recursion is not None and (isinstance(mass, ca.SX) or mass > 0.0):
+            own += Terms(loads=(Load("counterweight", mass, arm, ca.SX(3, 3), body.name),))
+        elif isinstance(mass, ca.SX) or mass > 0.0:
             metric = ca.sparsify(mass * point_metric(point, body.orientation, machine.q))
             own += Terms(metric=metric, bodies=(Body("counterweight", mass, point, body.orientation, ca.SX(3, 3)),))
         if isinstance(stiffness, ca.SX) or stiffness > 0.0:

@@ -13,6 +13,7 @@ from models.machines.body_metrics import point_metric, turning_metric
 from models.machines.inertia import ROUNDING
 from models.machines.manipulator import Body, Manipulator
 from models.machines.parameters import Value
+from models.machines.recursion import Load
 from models.mechanics.contributions import Sizes
 from models.mechanics.terms import Terms
 from ocp import checks
@@ -24,10 +25,10 @@ class Payload:
 
     A point mass at the tool point unless it has an offset or an inertia. The axes of the tool are those of the last
     body of the machine, its origin is the tool point: axis 3 along the arm of the sphere, axis 2 along that of the
-    cylinder, axis 1 along the last link of the torus.
+    cylinder, axis 1 along the last link of the torus; a machine of links has tool axes of its own.
 
-    Adds the metric of the load, and a mass; no states, no controls, the parameters `payload.mass`,
-    `payload.offset_1`, `payload.inertia_1`, ... if they are Parameters.
+    Adds the metric of the load (on a machine of links: to the inertia of the last link), and a mass; no states, no
+    controls, the parameters `payload.mass`, `payload.offset_1`, `payload.inertia_1`, ... if they are Parameters.
 
     Args:
         mass: m >= 0 [kg].
@@ -68,8 +69,11 @@ class Payload:
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric and the mass of the load."""
         fields = read_fields(self)
-        mass, axes = fields["mass"], machine.bodies[-1].orientation
+        mass, axes = fields["mass"], machine.tool_orientation
         offset, inertia = ca.sparsify(ca.SX(ca.vertcat(*fields["offset"]))), ca.sparsify(_tensor(fields["inertia"]))
+        if machine.recursion is not None:
+            own = Load("payload", mass, offset, inertia)
+            return Terms(loads=(own,), symbols=fields.symbols, nominal=fields.nominal)
         centre, metric = machine.tool, mass * machine.tool_metric
         if offset.nnz():
             centre = machine.tool + axes @ offset

@@ -74,7 +74,7 @@ class ToolForce:
         fields = read_fields(self, *constant) if constant else Fields(name_of(self), {}, {}, {})
         sizes = [SIZES.get(name, 1) or machine.q.numel() for name in self.of]
         arguments = [ca.SX.sym(name, size) for name, size in zip(self.of, sizes, strict=True)]
-        last, generalised = machine.bodies[-1], ca.SX(machine.q.numel(), 1)
+        axes, generalised = machine.tool_orientation, ca.SX(machine.q.numel(), 1)
         for name in ("force", "moment"):
             vector = ca.SX(ca.vertcat(*fields[name])) if name in constant else self._called(name, arguments)
             vector = ca.sparsify(vector)
@@ -83,10 +83,10 @@ class ToolForce:
             # In the axes of the last body; turned back if the components are inertial.
             if name == "force":
                 slope = ca.jacobian(machine.tool, machine.q)
-                slope = simplified(last.orientation.T @ slope if self.in_tool_axes else slope, machine.q)
+                slope = simplified(axes.T @ slope if self.in_tool_axes else slope, machine.q)
             else:
-                slope = angular_velocity(last.orientation, machine.q)
-                slope = slope if self.in_tool_axes else simplified(last.orientation @ slope, machine.q)
+                slope = angular_velocity(axes, machine.q)
+                slope = slope if self.in_tool_axes else simplified(axes @ slope, machine.q)
             generalised += slope.T @ vector
         used = ca.symvar(generalised)
         read = [

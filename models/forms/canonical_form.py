@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.forms.state_space import Equations, as_system, symbols
+from models.forms.tree_equations import by_recursion, canonical_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
@@ -19,9 +20,10 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
     q' = S(q) w,  w = g'^-1 p = dH/dp,  p' = -dH/dw-direction - p A w + S' tau,  x = [q; p], u = tau
 
     Args:
-        machine: from `cylindrical`, `spherical` or `torus`.
+        machine: such as spherical(), or any arm.
         effects: such as [Gravity()]; an effect that is not listed leaves no trace.
-        frame: name of a frame of the machine, or a Frame; None is "regular".
+        frame: name of a frame of the machine, or a Frame; None is "regular", for a machine of
+            links "coordinate".
 
     Raises:
         TypeError: no machine, or no effect.
@@ -31,6 +33,9 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
     """
 
     def equations(mechanics: Mechanics) -> Equations:
+        named = by_recursion(mechanics, frame, "coordinate")
+        if named is not None:
+            return canonical_equations(mechanics, named)
         basis = mechanics.frame(frame)
         p = symbols("p", basis.q.numel())
         w = factorise(basis.metric).solve(p)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from models.forms.state_space import Equations, as_system, symbols
+from models.forms.tree_equations import by_recursion, hamel_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
@@ -19,9 +20,10 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
     q' = S(q) w,  g' w' + Lambda(q)(w, w) = S' (tau - dU/dq + forces of effects),  x = [q; w], u = tau
 
     Args:
-        machine: from `cylindrical`, `spherical` or `torus`.
+        machine: such as spherical(), or any arm.
         effects: such as [Gravity()]; an effect that is not listed leaves no trace.
-        frame: name of a frame of the machine, or a Frame; None is "regular".
+        frame: name of a frame of the machine, or a Frame; None is "regular", for a machine of
+            links "innovations".
 
     Raises:
         TypeError: no machine, or no effect.
@@ -31,6 +33,9 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
     """
 
     def equations(mechanics: Mechanics) -> Equations:
+        named = by_recursion(mechanics, frame, "innovations")
+        if named is not None:
+            return hamel_equations(mechanics, named)
         basis = mechanics.frame(frame)
         w = symbols("w", basis.q.numel())
         v = basis.inverse @ w

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.forms.state_space import Equations, as_system
+from models.forms.tree_equations import by_recursion, lagrange_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
@@ -21,9 +22,10 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
     g(q) v' + Gamma(q)(v, v) = tau - dU/dq + (forces of effects),  x = [q; v], u = tau
 
     Args:
-        machine: from `cylindrical`, `spherical` or `torus`.
+        machine: such as spherical(), or any arm.
         effects: such as [Gravity()]; an effect that is not listed leaves no trace.
-        frame: through which g is inverted, g^-1 = S g'^-1 S'; None is the machine's "regular" frame.
+        frame: through which g is inverted, g^-1 = S g'^-1 S'; None is the machine's "regular" frame. A
+            machine of links needs none.
 
     Raises:
         TypeError: no machine, or no effect.
@@ -33,6 +35,9 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
     """
 
     def equations(mechanics: Mechanics) -> Equations:
+        named = by_recursion(mechanics, frame, "coordinate")
+        if named is not None:
+            return lagrange_equations(mechanics)
         basis = mechanics.frame(frame)
         v = machine.v
         w = basis.matrix @ v

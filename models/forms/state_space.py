@@ -9,7 +9,7 @@ import casadi as ca
 
 from models.machines.frames import Frame, without_negligible
 from models.mechanics.mechanics import Mechanics
-from models.mechanics.singular_metric import singularities
+from models.mechanics.singular_metric import singularities, vanishing_inertia
 from models.mechanics.terms import Quantity
 from ocp.system import Label, System
 
@@ -23,6 +23,8 @@ class Equations:
     w: ca.SX  # (n,) quasi-velocities in terms of q and symbol
     v: ca.SX  # (n,) velocities dq/dt in terms of q and symbol
     rate: ca.SX  # (n,) d(symbol)/dt
+    kinetic: ca.SX | None = None  # kinetic energy; None: w' g' w / 2 in the frame
+    notes: tuple[str, ...] = ()  # sentences about how the equations were built
 
 
 Form = Callable[[Mechanics], Equations]
@@ -43,7 +45,7 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     frame, symbol, w = equations.frame, equations.symbol, equations.w
     kind = symbol[0].name()[0]
     third = {} if kind == "v" else {kind: Quantity(symbol, "", tuple(s.name() for s in ca.vertsplit(symbol)))}
-    kinetic = ca.dot(w, frame.metric @ w) / 2
+    kinetic = ca.dot(w, frame.metric @ w) / 2 if equations.kinetic is None else equations.kinetic
     published = {**_of_every_machine(mechanics, kinetic), **third}
     for name, quantity in terms.signals.items():
         if name in published:
@@ -61,7 +63,12 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
     x, u, p, rate = _rate(mechanics, equations)
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
-    singular = singularities(machine, frame, mechanics.frame(None), nominal)
+    if mechanics.recursion is None:
+        singular = singularities(machine, frame, mechanics.frame(None), nominal)
+        notes = coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions())
+    else:
+        singular = vanishing_inertia(machine, mechanics.recursion.pivots, nominal)
+        notes = (*machine.notes, *equations.notes)
     return System(
         x=x,
         u=u,
@@ -70,7 +77,7 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
         signals=signals,
         nominal=nominal,
         labels=labels,
-        notes=coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions()),
+        notes=notes,
         limits=terms.limits,
         initial={name: state.initial for name, state in states.items() if state.initial is not None},
         singular=singular,

@@ -66,15 +66,16 @@ def ldl(q: ca.SX, metric: ca.SX) -> Callable[[ca.SX], Frame]:
     return lambda added: _orthogonal("ldl", q, factorise(metric + added, order))
 
 
-def udu(q: ca.SX, metric: ca.SX) -> Callable[[ca.SX], Frame]:
+def udu(q: ca.SX, metric: ca.SX, name: str = "udu") -> Callable[[ca.SX], Frame]:
     """Return a maker for the frame of g = U D U': w = U' v, g' = D, det F = 1.
 
     Args:
         q: (n,) coordinates.
         metric: (n, n) metric in coordinates.
+        name: of the frame.
     """
     order = range(q.numel() - 1, -1, -1)
-    return lambda added: _orthogonal("udu", q, factorise(metric + added, order))
+    return lambda added: _orthogonal(name, q, factorise(metric + added, order))
 
 
 def _orthogonal(name: str, q: ca.SX, factors: Factors) -> Frame:

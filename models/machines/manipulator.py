@@ -9,6 +9,8 @@ import casadi as ca
 
 from models.machines.frames import Frame
 from models.machines.inverse_kinematics import Inverse
+from models.machines.limits import JointLimits
+from models.machines.recursion import Recursion
 from ocp import checks
 
 
@@ -64,10 +66,20 @@ class Manipulator:
     symbols: Mapping[str, ca.SX]  # the parameters that stay symbols
     inertia: Mapping[str, str] = field(default_factory=dict)  # coordinate -> parameters that give it inertia everywhere
     inverse: Inverse | None = None  # inverse kinematics of the tool point in closed form, for the nominal parameters
+    default_frame: str = "regular"  # name of the frame that exists wherever the metric is regular
+    tool_axes: ca.SX | None = None  # (3, 3) columns = axes of the tool; None: those of the last body
+    recursion: Recursion | None = None  # shorter than the metric for machines of many links
+    limits: JointLimits | None = None  # of a data sheet or a robot file
+    notes: tuple[str, ...] = ()  # sentences about how the machine was read
 
     def __repr__(self) -> str:
         coordinates = ", ".join(f"{c.name} [{c.unit}]" for c in self.coordinates)
         return f"Manipulator {self.name}: q = ({coordinates}), frames {', '.join(self.frames)}"
+
+    @property
+    def tool_orientation(self) -> ca.SX:
+        """(3, 3) rotation matrix, columns = axes of the tool."""
+        return self.bodies[-1].orientation if self.tool_axes is None else self.tool_axes
 
     def frame(self, name: str, added: ca.SX | None = None) -> Frame:
         """Return the frame called `name`, with the metric `added` by effects pulled back to it.

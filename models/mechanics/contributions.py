@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from models.machines.manipulator import Manipulator
@@ -43,7 +44,11 @@ class Sizes:
     @property
     def mass(self) -> float:
         """Sum of the masses of the machine [kg]."""
-        return float(sum(value for name, value in self.machine.nominal.items() if name.startswith("m_")))
+        machine = self.machine
+        masses = ca.SX(ca.vertcat(*(body.mass for body in machine.bodies)))
+        symbols = list(machine.symbols.values())
+        given = [machine.nominal[name] for name in machine.symbols]
+        return float(ca.Function("mass", symbols, [ca.sum1(masses)])(*given))
 
     @property
     def ratio(self) -> tuple[float, ...]:

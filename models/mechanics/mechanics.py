@@ -10,6 +10,7 @@ import casadi as ca
 
 from models.machines.frames import Frame, curl, fixed, partial_derivative
 from models.machines.manipulator import Manipulator
+from models.machines.recursion import Recursion
 from models.mechanics.terms import Effect, Part, Quantity, Terms, gather
 from ocp import checks
 
@@ -29,7 +30,52 @@ class Mechanics:
     @property
     def metric(self) -> ca.SX:
         """(n, n) metric g(q) in coordinates, that of the effects included."""
-        return self.machine.metric if self.terms.metric is None else self.machine.metric + self.terms.metric
+        recursion = self.machine.recursion
+        own = self.machine.metric
+        if recursion is not None and (self.terms.loads or self.terms.spins):
+            n = self.machine.q.numel()
+            own = recursion.loaded(self.terms.loads).with_rotors(ca.SX(n, n), self.terms.spins).metric
+        return own if self.terms.metric is None else own + self.terms.metric
+
+    @cached_property
+    def recursion(self) -> Recursion | None:
+        """Recursion over the links with the loads and rotors of all effects.
+
+        None for a machine whose metric is given in closed form, and if an effect adds a metric that depends on q.
+        """
+        own, terms = self.machine.recursion, self.terms
+        if own is None or (terms.metric is not None and ca.depends_on(terms.metric, self.machine.q)):
+            return None
+        n = self.machine.q.numel()
+        rotors = ca.SX(n, n) if terms.metric is None else ca.sparsify(terms.metric)
+        return own.loaded(terms.loads).with_rotors(rotors, terms.spins)
+
+    @cached_property
+    def potential_gradient(self) -> ca.SX:
+        """(n,) dU/dq, the weight of the links by recursion where the machine has one."""
+        if self.recursion is None:
+            return ca.gradient(self.potential, self.machine.q)
+        return self.other_potential_gradient + self.recursion.gravity(self.field)
+
+    @property
+    def field(self) -> ca.SX:
+        """(3,) acceleration of the field that acts on every mass."""
+        return ca.SX(3, 1) if self.terms.acceleration is None else self.terms.acceleration
+
+    @property
+    def other_potential_gradient(self) -> ca.SX:
+        """(n,) gradient of the potential energy that is not the weight of links and loads."""
+        total, q = self.terms.potential, self.machine.q
+        for body in self.terms.bodies:
+            total = total + body.mass * ca.dot(-self.field, body.centre)
+        return ca.gradient(total, q) if ca.depends_on(total, q) else ca.SX(*q.shape)
+
+    def inverse_dynamics(self, a: ca.SX) -> ca.SX:
+        """Return the forces (n,) on the joints for accelerations a (n,), those of effects not subtracted."""
+        machine, recursion = self.machine, self.recursion
+        if recursion is None:
+            return inertial(self.metric, machine.q, machine.v, a) + self.potential_gradient
+        return recursion.inverse_dynamics(machine.v, a, self.field) + self.other_potential_gradient
 
     @property
     def control(self) -> Quantity:
@@ -127,9 +173,13 @@ class Mechanics:
     @property
     def potential(self) -> ca.SX:
         """Potential energy U(q) [J]: of the effects, and of all masses in their field."""
-        total = self.terms.potential
+        total, recursion = self.terms.potential, self.machine.recursion
         if self.terms.acceleration is not None:
-            for body in (*self.machine.bodies, *self.terms.bodies):
+            bodies = (*self.machine.bodies, *self.terms.bodies)
+            if recursion is not None:
+                total = total + recursion.loaded(self.terms.loads).potential(self.terms.acceleration)
+                bodies = self.terms.bodies
+            for body in bodies:
                 total = total + body.mass * ca.dot(-self.terms.acceleration, body.centre)
         return total
 
@@ -140,7 +190,7 @@ class Mechanics:
         """
         control = self.control.expression
         _, motor_v, motor_tau = self.motors
-        net = self.force - ca.gradient(self.potential, self.machine.q)
+        net = self.force - self.potential_gradient
         results = []
         for i in range(self.machine.q.numel()):
             elastic = not ca.depends_on(motor_v[i], self.machine.v)
@@ -153,13 +203,15 @@ class Mechanics:
         return results
 
     def frame(self, chosen: str | Frame | None) -> Frame:
-        """Return the frame called `chosen` (default "regular"), or `chosen` itself, with the metric of effects."""
+        """Return the frame called `chosen` (None: the default), or `chosen` itself, with the metric of effects."""
         if isinstance(chosen, Frame):
             return fixed(chosen)(self._added())
-        return self.machine.frame("regular" if chosen is None else chosen, self._added())
+        return self.machine.frame(self.machine.default_frame if chosen is None else chosen, self._added())
 
     def _added(self) -> ca.SX:
         n = self.machine.q.numel()
+        if self.terms.loads or self.terms.spins:
+            return self.metric - self.machine.metric
         return ca.SX(n, n) if self.terms.metric is None else self.terms.metric
 
 
@@ -182,6 +234,12 @@ class Partials:
     def metric_rate(self, v: ca.SX, w: ca.SX) -> ca.SX:
         """Return (dg'/dt) w, shape (n,)."""
         return sum((partial @ w * v[i] for i, partial in enumerate(self.by_coordinate)), ca.SX(*w.shape))
+
+
+def inertial(metric: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+    """Return g(q) a + Gamma(q)(v, v), shape (n,), of a metric g."""
+    momentum = metric @ v
+    return metric @ a + ca.jtimes(momentum, q, v) - ca.gradient(ca.dot(v, momentum) / 2, q)
 
 
 def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:

@@ -12,6 +12,7 @@ from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.system import Singularity
 
 SAMPLES = 12
@@ -20,6 +21,8 @@ TINY = 1e-24
 # A det F below this multiple of its largest sampled value loses more than six of sixteen digits.
 NEAR = 1e-6
 LOST = 1e-8  # relative error of det g in a frame that is refused: half the digits
+POSES = 128  # sampled for machines of links
+LINKS = 1e-13  # a pivot below this multiple of its largest sampled value is a rounding error of the recursion
 TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # poses at which machines are singular, if they are [rad]
 LENGTHS = (0.0, 0.7)  # [m]
 
@@ -78,6 +81,48 @@ def singularities(
         ]
         _check_digits(machine, frame, *everywhere)
     return tuple(results)
+
+
+def vanishing_inertia(machine: Manipulator, pivots: ca.SX, nominal: Mapping[str, float]) -> tuple[Singularity, ...]:
+    """Return the configurations at which a pivot of the metric of a machine of links vanishes.
+
+    A bounded number of poses is sampled, whatever the number of joints.
+
+    Args:
+        machine: whose coordinates.
+        pivots: (n,) diagonal of D in M = L D L'.
+        nominal: values of the parameters that stay symbols.
+
+    Raises:
+        ValueError: a pivot vanishes, or is negative, at every sampled pose.
+    """
+    q = machine.q
+    own = {symbol.element_hash() for symbol in ca.vertsplit(q)}
+    symbols = [symbol for symbol in ca.symvar(pivots) if symbol.element_hash() not in own]
+    p = ca.vertcat(*symbols) if symbols else ca.SX(0, 1)
+    values = np.array([nominal[str(symbol)] for symbol in symbols])
+    function = ca.Function("pivots", [q, p], [ca.densify(pivots)])
+    sampled = evaluate(function, _poses(machine), np.tile(values, (POSES, 1)))[0]
+    results = []
+    for i in range(q.numel()):
+        entry, scale = pivots[i], float(np.max(np.nan_to_num(sampled[:, i], nan=0.0)))
+        if not scale > 0.0:
+            raise ValueError(f"{_without_inertia(machine, i)} at any position; {_cure(machine, i)}")
+        if not np.all(sampled[:, i] > LINKS * scale) or ca.depends_on(entry, p):
+            words = f"{_without_inertia(machine, i)} at some positions; {_cure(machine, i)}, or keep away"
+            results.append(Singularity(entry, LINKS * scale, words))
+    return tuple(results)
+
+
+def _poses(machine: Manipulator) -> Array:
+    """Return poses (POSES, n): half of them with coordinates at which arms are singular, half at random."""
+    generator = np.random.default_rng(20260101)
+    angular = np.array([coordinate.unit == "rad" for coordinate in machine.coordinates])
+    shape = (POSES // 2, len(angular))
+    special = np.where(angular, generator.choice(TURNS, shape), generator.choice(LENGTHS, shape))
+    special[0] = 0.0
+    free = np.where(angular, generator.uniform(-np.pi, np.pi, shape), generator.uniform(-0.7, 0.7, shape))
+    return np.vstack([special, free])
 
 
 def _check_digits(

@@ -14,6 +14,7 @@ from ocp.system import Side
 
 if TYPE_CHECKING:
     from models.machines.manipulator import Body, Manipulator
+    from models.machines.recursion import Load
 
 Single = TypeVar("Single")
 Rate = Callable[[ca.SX], ca.SX]  # time derivative along a motion
@@ -88,6 +89,8 @@ class Terms:
     potential: ca.SX = field(default_factory=lambda: ca.SX(0))  # U(q) [J]
     acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
     bodies: tuple[Body, ...] = ()  # attached by the effect; their inertia is part of `metric`
+    loads: tuple[Load, ...] = ()  # rigid bodies fixed to a machine of links (`machine.recursion`), not in `metric`
+    spins: tuple[ca.SX | float, ...] = ()  # (n,) gear J of rotors parallel to the joints that turn with the link before
     force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
     states: Mapping[str, State] = field(default_factory=dict)
     signals: Mapping[str, Quantity] = field(default_factory=dict)
@@ -113,6 +116,8 @@ class Terms:
             potential=self.potential + other.potential,
             acceleration=_sum(self.acceleration, other.acceleration),
             bodies=self.bodies + other.bodies,
+            loads=self.loads + other.loads,
+            spins=self.spins or other.spins,
             force=_sum(self.force, other.force),
             states=_union("state", self.states, other.states),
             signals=_union("signal", self.signals, other.signals),

@@ -1,1 +1,8 @@
-"""Serial and tree arms of any shape: joints, links, recursions, URDF and DH tables."""
+"""Any serial or tree-like arm from joints and links: recursions instead of a metric in closed form; URDF, DH tables."""
+
+from models.rigid_bodies import robots
+from models.rigid_bodies.builders import DhRow, dh, serial, tree
+from models.rigid_bodies.joint import Capsule, Joint, Kind, Link
+from models.rigid_bodies.urdf import from_urdf
+
+__all__ = ["Capsule", "DhRow", "Joint", "Kind", "Link", "dh", "from_urdf", "robots", "serial", "tree"]

@@ -13,12 +13,15 @@ from models.mechanics.terms import snake
 
 
 def machines() -> dict[str, Callable[..., Manipulator]]:
-    """Return every function that `models` exports and that makes a Manipulator, by name."""
-    return {
-        name: thing
-        for name, thing in _exported("models").items()
-        if inspect.isfunction(thing) and inspect.signature(thing).return_annotation in ("Manipulator", Manipulator)
-    }
+    """Return every function of `models` that makes a Manipulator from named numbers, by name."""
+    functions = {name: thing for name, thing in _exported("models").items() if inspect.isfunction(thing)}
+    return {name: function for name, function in functions.items() if _of_numbers(function)}
+
+
+def _of_numbers(function: Callable[..., object]) -> bool:
+    signature = inspect.signature(function)
+    named = all(parameter.kind is parameter.KEYWORD_ONLY for parameter in signature.parameters.values())
+    return named and signature.return_annotation in ("Manipulator", Manipulator)
 
 
 def forms() -> dict[str, Callable[..., Any]]:

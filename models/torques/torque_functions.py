@@ -150,13 +150,7 @@ def joint_torques(mechanics: Mechanics, a: ca.SX) -> ca.SX:
             f"forces of effects depend on {', '.join(free)}, which q(t) alone does not fix; "
             "solve for the torques in an optimal-control problem"
         )
-    return inertial(mechanics.metric, q, v, a) + ca.gradient(mechanics.potential, q) - force
-
-
-def inertial(metric: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
-    """Return g(q) a + Gamma(q)(v, v), shape (n,), of a metric g."""
-    momentum = metric @ v
-    return metric @ a + ca.jtimes(momentum, q, v) - ca.gradient(ca.dot(v, momentum) / 2, q)
+    return mechanics.inverse_dynamics(a) - force
 
 
 def derivative(machine: Manipulator, name: str) -> ca.SX:

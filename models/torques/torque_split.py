@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, assemble
+from models.mechanics.mechanics import Mechanics, assemble, inertial
 from models.mechanics.terms import Effect, Part
-from models.torques.torque_functions import clock, derivative, inertial, joint_torques, parameters
+from models.torques.torque_functions import clock, derivative, joint_torques, parameters
 
 
 def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:
@@ -37,7 +37,11 @@ def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Fu
     a = derivative(machine, "a")
     whole = joint_torques(mechanics, a)
     own = machine.metric @ a
-    parts = {"inertia": own, "coriolis": inertial(machine.metric, machine.q, machine.v, a) - own}
+    if machine.recursion is None:
+        whole_motion = inertial(machine.metric, machine.q, machine.v, a)
+    else:
+        whole_motion = machine.recursion.inverse_dynamics(machine.v, a, ca.SX(3, 1))
+    parts = {"inertia": own, "coriolis": whole_motion - own}
     for part in mechanics.parts:
         share = _share(mechanics, part, a)
         if share is not None:
@@ -60,6 +64,12 @@ def _share(mechanics: Mechanics, part: Part, a: ca.SX) -> ca.SX | None:
         for body in terms.bodies:
             potential += body.mass * ca.dot(-field, body.centre)
     share = ca.gradient(potential, q) if ca.depends_on(potential, q) else ca.SX(*q.shape)
+    recursion = mechanics.machine.recursion
+    if recursion is not None and (terms.loads or terms.spins):
+        still = ca.SX(q.numel(), q.numel())
+        more = recursion.loaded(terms.loads).with_rotors(still, terms.spins)
+        weight = ca.SX(3, 1) if field is None else field
+        share = share + more.inverse_dynamics(v, a, weight) - recursion.inverse_dynamics(v, a, weight)
     if terms.metric is not None:
         share = share + inertial(terms.metric, q, v, a)
     if terms.force is not None:

@@ -1,0 +1,90 @@
+"""A tree of joints and links as a Manipulator, so that forms, effects, tasks and pictures work as for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from models.machines.frames import coordinate, ldl, udu
+from models.machines.limits import JointLimits
+from models.machines.manipulator import Body, Coordinate, Drive, Manipulator
+from models.machines.manipulator import symbols as symbols_of
+from models.rigid_bodies.assembly import Assembly
+from models.rigid_bodies.joint import Joint, Kind
+from models.rigid_bodies.recursions import Recursions
+from models.rigid_bodies.scalars import column, matrix_of
+from models.rigid_bodies.tree_recursion import TreeRecursion
+
+
+def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Manipulator:
+    """Return the Manipulator of a tree.
+
+    Args:
+        name: of the machine.
+        assembly: made by `assemble_tree`.
+        notes: sentences about how the tree was read.
+    """
+    joints = assembly.joints
+    coordinates = tuple(Coordinate(joint.name, _unit(joint)) for joint in joints)
+    q, v, tau = (symbols_of(letter, coordinates) for letter in ("q", "v", "tau"))
+    recursion = TreeRecursion(assembly.tree, q, tuple(joint.name for joint in joints))
+    posed = Recursions(assembly.tree.compact(), q)
+    axes, tool = posed.pose(0)
+    bodies = tuple(_body(recursion, posed, i, joint) for i, joint in enumerate(joints))
+    metric = recursion.metric
+    slope = ca.jacobian(column(tool), q)
+    return Manipulator(
+        name=name,
+        coordinates=coordinates,
+        q=q,
+        v=v,
+        tau=tau,
+        metric=metric,
+        bodies=bodies,
+        tool=ca.densify(column(tool)),
+        tool_metric=ca.sparsify(slope.T @ slope),
+        skeleton=_skeleton(assembly, posed, tool),
+        drives=tuple(Drive(f"{'M' if c.unit == 'rad' else 'F'}_{c.name}", 1) for c in coordinates),
+        frames={
+            "coordinate": coordinate(q, metric),
+            "innovations": udu(q, metric, "innovations"),
+            "ldl": ldl(q, metric),
+            "udu": udu(q, metric),
+        },
+        nominal=dict(assembly.nominal),
+        symbols=dict(assembly.symbols),
+        inertia={joint.name: f"the link of {joint.name} or those beyond it" for joint in joints},
+        default_frame="coordinate",
+        tool_axes=matrix_of(axes),
+        recursion=recursion,
+        limits=JointLimits(
+            *(tuple(getattr(joint, side) for joint in joints) for side in ("lower", "upper", "speed", "effort"))
+        ),
+        notes=(*notes, *assembly.notes),
+    )
+
+
+def _unit(joint: Joint) -> str:
+    return "rad" if joint.kind is Kind.REVOLUTE else "m"
+
+
+def _body(recursion: TreeRecursion, posed: Recursions, i: int, joint: Joint) -> Body:
+    """Return the body of a link with everything fixed to it, in the axes of the user."""
+    pose = recursion.tree.poses[1 + i]
+    own = recursion.tree.joints[i].inertia
+    rotation, origin = posed.pose(1 + i)
+    turn = matrix_of(rotation)
+    to_user = matrix_of(pose.rotation).T
+    centre = column(recursion.centre(i))
+    shifted = ca.densify(centre)
+    about = matrix_of(own.tensor) - own.mass * (ca.dot(shifted, shifted) * ca.SX.eye(3) - shifted @ shifted.T)
+    position = column(origin) + turn @ (to_user @ centre)
+    return Body(joint.name, own.mass, position, turn, ca.sparsify(to_user @ about @ to_user.T))
+
+
+def _skeleton(assembly: Assembly, posed: Recursions, tool: Sequence[ca.SX | float]) -> ca.SX:
+    """Return the origins of the joints from the base to the tool as corners (3, k)."""
+    path = list(reversed(posed.tree.path(assembly.tree.poses[0].link)))
+    corners = [column(posed.pose(1 + i)[1]) for i in path]
+    return ca.densify(ca.horzcat(ca.SX(3, 1), *corners, column(tool)))
