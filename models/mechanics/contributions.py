@@ -45,10 +45,9 @@ class Sizes:
     def mass(self) -> float:
         """Sum of the masses of the machine [kg]."""
         machine = self.machine
-        masses = ca.SX(ca.vertcat(*(body.mass for body in machine.bodies)))
-        symbols = list(machine.symbols.values())
-        given = [machine.nominal[name] for name in machine.symbols]
-        return float(ca.Function("mass", symbols, [ca.sum1(masses)])(*given))
+        symbols = ca.vertcat(*machine.symbols.values()) if machine.symbols else ca.SX(0, 1)
+        total = ca.sum1(ca.vertcat(*(ca.SX(body.mass) for body in machine.bodies)))
+        return float(ca.Function("mass", [symbols], [total])([machine.nominal[name] for name in machine.symbols]))
 
     @property
     def ratio(self) -> tuple[float, ...]:

@@ -114,7 +114,7 @@ def assemble_tree(
 def _parents_first(joints: Sequence[Joint]) -> list[Joint]:
     """Return the joints with every parent before its children, otherwise in the order given."""
     if not joints:
-        raise ValueError("joints: got none, expected at least one Joint")
+        raise checks.refused("joints", joints, "at least one Joint")
     names = [joint.name for joint in joints]
     for name in names:
         if names.count(name) > 1:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, Value
 from models.rigid_bodies.assembly import assemble_tree
-from models.rigid_bodies.joint import Joint, Kind, Link
+from models.rigid_bodies.joint import Joint, Kind, Link, nominal
 from models.rigid_bodies.tree_manipulator import manipulator
 from ocp import checks
 from ocp.checks import Array
@@ -66,6 +66,8 @@ def tree(
         ValueError: an unknown parent, a loop, no joint that moves, a name twice, an inertia that no body has.
     """
     checks.text("name", name, "a name")
+    if tip is not None:
+        checks.text("tip", tip, "the name of a joint, or None")
     turned = None if tool_rotation is None else Joint("tool", rotation=tool_rotation).turned()
     return manipulator(name, assemble_tree(joints, tip, tool, turned))
 
@@ -103,6 +105,8 @@ class DhRow:
                     f"dh row: {name}", getattr(self, name), "a number in rad; angles cannot be Parameters"
                 )
             checks.number(f"dh row: {name}", getattr(self, name), "a number in rad")
+        for name in ("d", "a"):
+            nominal(f"dh row: {name}", getattr(self, name), "m")
         checks.instance("dh row: kind", self.kind, Kind, "Kind.REVOLUTE or Kind.PRISMATIC")
         checks.instance("dh row: link", self.link, Link, "a Link")
         checks.instance("dh row: joint", self.joint, Joint | None, "a Joint, or None")
@@ -135,7 +139,10 @@ def dh(
     """
     checks.truth("modified", modified)
     joints: list[Joint] = []
-    for i, given in enumerate(checks.several("table", table, "a list of DhRows")):
+    rows = checks.several("table", table, "a list of DhRows")
+    if not rows:
+        raise checks.refused("table", table, "at least one DhRow")
+    for i, given in enumerate(rows):
         row = given if isinstance(given, DhRow) else _four(i, given)
         base = row.joint or Joint(f"q{i + 1}")
         joints += _modified(row, base) if modified else _standard(row, base)

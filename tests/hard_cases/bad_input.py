@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 
-from hard_cases import input_files, input_models, input_ocp, input_pairs, input_stores, input_studies
+from hard_cases import input_files, input_models, input_ocp, input_pairs, input_stores, input_studies, input_trees
 from hard_cases.case import Case, Figure
 from hard_cases.input_call import BAD, Call, Fault, answers, extremes
 
@@ -60,6 +60,7 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
     ("sensitivities, structures carried over, compilation", input_studies.optima),
     ("machines, forms, scenes", input_models.machines),
     ("effects", input_models.acting),
+    ("joints, links, trees", input_trees.trees),
     ("motions, paths, drives", input_models.motions),
 )
 LONG = ("solving, refining, verifying, solutions", "motions, paths, drives")

@@ -125,11 +125,18 @@ def random_joints(rng, count=None):
         rotor = rng.uniform() < 0.3
         joints.append(
             Joint(
-                f"j{i}", kind, parent, tuple(origin), tuple(quarter if special else rng.uniform(-3, 3, 3)), tuple(axis), link,
-                rotor=1e-4 * rng.uniform(0.5, 5) if rotor else 0.0, gear=rng.uniform(-120, 120) if rotor else 1.0,
+                f"j{i}",
+                kind,
+                parent,
+                tuple(origin),
+                tuple(quarter if special else rng.uniform(-3, 3, 3)),
+                tuple(axis),
+                link,
+                rotor=1e-4 * rng.uniform(0.5, 5) if rotor else 0.0,
+                gear=rng.uniform(-120, 120) if rotor else 1.0,
                 carried=bool(rotor and rng.uniform() < 0.5),
             )
-        )  # fmt: skip
+        )
         if rng.uniform() < 0.2:
             last = joints[-1].name
             joints.append(
