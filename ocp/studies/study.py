@@ -17,13 +17,14 @@ from ocp.problem.sequence import Sequence as Phases
 from ocp.solution.solution import Solution
 from ocp.solving.ipopt import Ipopt
 from ocp.studies.case_solver import StudySettings
-from ocp.studies.content_hash import as_json, digest, versions
+from ocp.studies.content_hash import as_json, digest, identify, versions
 from ocp.studies.default_measures import measures
 from ocp.studies.designs import Case, Design, Product, plain_rows
 from ocp.studies.runner import Plan, Progress, carry_out
 from ocp.studies.store import Store
 from ocp.studies.sweeping import check_function
 from ocp.studies.table import StudyTable
+from ocp.studies.value_content import Coverage
 from ocp.studies.warm_start_tree import parents
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
@@ -115,9 +116,22 @@ class Study:
         rows = plain_rows("Study: cases of over", self.over.cases())
         return tuple({as_json(row): row for row in rows}.values())
 
-    @cached_property
+    @property
     def identity(self) -> str:
-        """Hash of everything but the values of the cases."""
+        """Hash of everything but the values of the cases.
+
+        Raises:
+            UnidentifiedError: the function uses something whose content cannot be read, and there is a store.
+        """
+        return self._identified[0]
+
+    @property
+    def covers(self) -> Coverage:
+        """What the identity covers: functions, classes and files by content, libraries by version."""
+        return self._identified[1]
+
+    @cached_property
+    def _identified(self) -> tuple[str, Coverage]:
         own = (
             self.scheme,
             self.grid,
@@ -128,7 +142,8 @@ class Study:
             self.measure,
             self.slopes,
         )
-        return digest(self.function, own, dict(self.settings), versions())
+        parts = (self.function, own, dict(self.settings), versions())
+        return identify(parts, self.settings, strict=self.store is not None)
 
     @cached_property
     def ids(self) -> tuple[str, ...]:
@@ -150,6 +165,7 @@ class Study:
             "checked": self.checked,
             "slopes": self.slopes,
             "settings": {key: repr(value) for key, value in self.settings.items()},
+            "signatures": sorted(self.covers.signatures),
             "python": platform.python_version(),
             "platform": platform.platform(),
             **versions(),
@@ -172,6 +188,7 @@ class Study:
 
         Raises:
             TypeError, ValueError: an argument of the wrong kind, or a design without cases.
+            UnidentifiedError: the study has a store, and the function uses something whose content cannot be read.
             StoreError: the store cannot be read or written; what was stored is kept.
             RuntimeError: the executor broke; what was stored is kept.
         """
@@ -183,9 +200,11 @@ class Study:
         checks.truth("run: retry_failed", retry_failed)
         if watch is not None and not callable(watch):
             raise TypeError(f"run: watch is {checks.shown(watch)}, expected a function of the progress, or None")
+        about = self.about  # before the store is opened: it may be refused
         store = Store(self.store)
         try:
-            store.begin(self.identity, self.about)
+            store.begin(self.identity, about)
+            self._check_signatures(store, about)
             settings = StudySettings(
                 self.identity, self.function, self._first, self.measure, self.scheme, self.grid, self.solver,
                 self.polished, self.neighbours, self.checked, self.slopes, self._compiled,
@@ -209,6 +228,16 @@ class Study:
         with Store(self.store, write=False) as store:
             return self._table(store)
 
+    def _check_signatures(self, store: Store, about: Mapping[str, Any]) -> None:
+        """Refuse stored cases of functions whose arguments had other names; names of arguments are not hashed."""
+        stored = store.studies()[self.identity].get("signatures", about["signatures"])
+        if stored != about["signatures"]:
+            changed = ", ".join(sorted(set(about["signatures"]) ^ set(stored)))
+            raise ValueError(
+                f"run: arguments were renamed or exchanged since cases were stored ({changed}); "
+                "give another value in settings= to compute them anew"
+            )
+
     @cached_property
     def _parents(self) -> tuple[int | None, ...]:
         return tuple(parents(self.cases)) if self.neighbours else (None,) * len(self.cases)
@@ -228,7 +257,8 @@ class Study:
         stored = store.records(self.ids)
         assert not isinstance(self.over, Mapping)
         read = functools.partial(_read, self.store) if self.store is not None else store.solution
-        return StudyTable(self.cases, tuple(stored.get(name) for name in self.ids), self.over, read)
+        rows = tuple(stored.get(name) for name in self.ids)
+        return StudyTable(self.cases, rows, self.over, read, str(self.covers))
 
 
 def _read(path: str | os.PathLike[str], case: str, name: str) -> bytes | None:

@@ -38,12 +38,14 @@ class StudyTable:
         records: result of each case, None where nothing is stored.
         design: of the study.
         read: (id, name) -> content of a stored solution, or None.
+        covers: what the identity of the cases covers, for the summary.
     """
 
     cases: tuple[Case, ...]
     records: tuple[CaseResult | None, ...]
     design: Design
     read: Callable[[str, str], bytes | None]
+    covers: str = ""
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -223,4 +225,6 @@ class StudyTable:
         lines += [f"case {k} {self.cases[k]}: {text}" for k, text in list(self.failures.items())[:10]]
         if len(self.failures) > 10:
             lines.append(f"and {len(self.failures) - 10} more failures")
+        if self.covers:
+            lines.append(f"computed anew if one of these changes: values, settings, {self.covers}")
         return "\n".join(lines)

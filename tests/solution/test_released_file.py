@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 from catalogue.released import shortest
 
 from ocp import Status, legendre, load, verify
