@@ -114,6 +114,8 @@ class Ipopt:
         Raises:
             ValueError: IPOPT does not know an option in `extra`.
         """
+        checks.instance("nlp", nlp, ScaledNlp, "a ScaledNlp")
+        checks.instance("start", start, Start, ", ".join(map(str, Start)))
         options = self.options(start is not Start.COLD, start is Start.MULTIPLIERS) | dict(nlp.derivatives)
         shown = self.progress if self.progress is not None else sys.stderr.isatty()
         watch = Watch(nlp, shown)

@@ -15,6 +15,7 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.solving.first_guesses import scattered, smooth
 from ocp.solving.ipopt import Ipopt
+from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
@@ -49,7 +50,7 @@ class _Work:
     problem: Problem
     scheme: Scheme | None
     grid: Grid | None
-    solver: Ipopt
+    solver: NlpSettings
     values: tuple[tuple[str, float], ...]
     seed: int
 
@@ -61,7 +62,7 @@ def multistart(
     executor: Executor | None = None,
     scheme: Scheme | None = None,
     grid: Grid | None = None,
-    solver: Ipopt | None = None,
+    solver: NlpSettings | None = None,
     values: Mapping[str, float] | None = None,
 ) -> tuple[Optimum, ...]:
     """Solve from many starts and return the distinct local optima, best first.
@@ -90,7 +91,7 @@ def multistart(
     checks.whole("multistart: starts", starts, 1)
     checks.whole("multistart: seed", seed, 0)
     checks.instance("multistart: problem", problem, Problem, "a Problem")
-    for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, Ipopt)):
+    for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, NlpSettings)):
         checks.instance(f"multistart: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
     if executor is not None and not callable(getattr(executor, "map", None)):
         raise TypeError(f"multistart: executor is {checks.shown(executor)}, expected a concurrent.futures.Executor")

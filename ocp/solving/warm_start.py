@@ -25,11 +25,11 @@ def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
     inside = np.append(np.clip(scheme.points, 1e-9, 1.0 - 1e-9), 1.0 - 1e-9)
     shares = grid.ends[:-1, None] + grid.widths[:, None] * inside
     costates = solution.costate((shares * solution.duration).ravel()).reshape(*shares.shape, -1)
-    # rate^T mu = -weight lambda at the points; a last row without rates carries the costate at the end.
+    # rate^T mu = -weight lambda at the points; a row without rates (x at the end) has the costate at the end.
     loads = -scheme.weights[:, None] * costates[:, :-1] * scaling.x
     mu = np.einsum("ij,kja->kia", np.linalg.pinv(scheme.rate.T), loads)
-    if scheme.name == "legendre":
-        mu[:, -1] = -costates[:, -1] * scaling.x
+    without_rates = ~scheme.rate.any(axis=1)
+    mu[:, without_rates] = -costates[:, -1:] * scaling.x
     rows[nlp.defects] = mu
     held = solution.multipliers
     if held is None:

@@ -16,16 +16,14 @@ from ocp import (
     Scheme,
     Solution,
     Timings,
-    legendre,
-    lobatto,
     polish,
-    radau,
     solve,
     solve_to_accuracy,
     uniform,
 )
+from ocp.transcription.schemes.families import FAMILIES
 
-SCHEMES = {"radau": radau, "legendre": legendre, "lobatto": lobatto}
+SCHEMES = dict(FAMILIES)
 SETTINGS = Ipopt(progress=False)
 
 

@@ -26,6 +26,7 @@ from hard_cases.input_call import (
 )  # fmt: skip
 from ocp import Control, Fixed, integrators
 from ocp.problem.constraints import Where
+from ocp.solving.nlp_solver import Start
 
 A = Argument
 NAN_TOLD = frozenset({"table"})  # a guess with NaN is told by the solve, which fails by value
@@ -140,7 +141,7 @@ def grids() -> tuple[Call, ...]:
             "tol": A(1e-9, POSITIVE), "max_iter": A(100), "max_seconds": A(5.0, BOUND), "scaled": A(True, TRUTH),
             "progress": A(None, TRUTH | OPTIONAL), "print_level": A(0, frozenset({"zero"})),
             "extra": A({}, frozenset({"map", "names"}))}),
-        Call("Ipopt.options", ocp.Ipopt().options, {"warm": A(True, TRUTH)}),
+        Call("Ipopt.options", ocp.Ipopt().options, {"warm": A(True, TRUTH), "multipliers": A(False, TRUTH)}),
         *tolerances,
         Call("ocp.Signal", ocp.Signal, {
             "name": A("q", ANY_TEXT), "tol": A(1e-3, POSITIVE), "unit": A("m", ANY_TEXT)}),
@@ -207,6 +208,7 @@ def solves() -> tuple[Call, ...]:
         Call("ocp.straight_line", ocp.straight_line, {"problem": A(problem), "values": A([9.81], REAL)}),
         Call("Prepared.__call__", made, {
             **guess, "values": common["values"], "problem": A(None, OPTIONAL), "grid": A(None, OPTIONAL)}),
+        Call("Ipopt.make", ocp.Ipopt().make, {"nlp": A(made.cold.nlp), "start": A(Start.COLD)}),
         Call("Prepared.proceed", made.proceed, {"solution": A(solution), "values": common["values"]}),
         Call("Prepared.numbers", made.numbers, {"values": common["values"]}),
         Call("Prepared.on", made.on, {
