@@ -1,4 +1,4 @@
-"""Checks of what users give: each answers with one sentence that names the argument, the value and what is expected."""
+"""Checks of arguments. Each raises an error whose message names the argument, its value and what is expected."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ import casadi as ca
 import numpy as np
 
 Array = np.ndarray
-LONGEST = 60  # characters of a value in a sentence
-# Finite numbers beyond this range are slips, and their powers leave the range of floating point.
+LONGEST = 60  # characters of a value in a message
+# Finite numbers beyond this range are mistakes, and their powers overflow.
 SMALLEST, LARGEST = 1e-40, 1e40
 RANGE = f"from {SMALLEST:g} to {LARGEST:g} in size"
-PATH = 240  # characters of a path in a sentence
+PATH = 240  # characters of a path in a message
 FAR = float(np.finfo(float).max)
 
 
 def shown(value: object) -> str:
-    """Return a value as one short line for a sentence."""
+    """Return a value as one short line for a message."""
     if isinstance(value, np.ndarray) and value.size > 4:
         return f"an array of shape {value.shape}"
     if isinstance(value, os.PathLike):
         return repr(str(value))[:PATH]
     try:
         words = " ".join(repr(value).split())
-    except Exception:  # integers of more digits than Python writes, objects that cannot say what they are
+    except Exception:  # integers with too many digits, objects whose repr fails
         words = f"a {type(value).__name__}"
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 4]} ..."
 
 
 def refused(name: str, value: object, expected: str) -> ValueError:
-    """Return the answer to a value that does not fit.
+    """Return the ValueError for an argument with a wrong value.
 
     Args:
         name: of the argument, such as "Free: guess" or "x0".
         value: what was given.
-        expected: what would fit, after the word "expected".
+        expected: what is valid, after the word "expected".
     """
-    return ValueError(_told(name, value, expected))
+    return ValueError(_message(name, value, expected))
 
 
 def instance(name: str, value: object, kind: Any, expected: str) -> None:
@@ -51,10 +51,10 @@ def instance(name: str, value: object, kind: Any, expected: str) -> None:
         name: of the argument.
         value: what was given.
         kind: a class, or several joined by `|`.
-        expected: what would fit, after the word "expected".
+        expected: what is valid, after the word "expected".
     """
     if not isinstance(value, kind):
-        raise TypeError(_told(name, value, expected))
+        raise TypeError(_message(name, value, expected))
 
 
 def number(
@@ -71,12 +71,12 @@ def number(
     Args:
         name: of the argument.
         value: what was given.
-        expected: what would fit.
+        expected: what is valid.
         above, at_least: limits of it; a number above 0 is at least `SMALLEST`.
         finite: whether it must be finite, and at most `LARGEST` in size; else it may be infinite within its limits.
 
     Raises:
-        ValueError: no number (texts and truth values are none), or one that does not fit.
+        ValueError: not a number (strings and truth values are refused), or outside its range.
     """
     array = real(value)
     if array is None or array.size != 1 or (array.ndim and not isinstance(value, ca.DM)):
@@ -113,7 +113,7 @@ def numbers(name: str, value: object, expected: str = "finite numbers", *, finit
     Args:
         name: of the argument.
         value: what was given.
-        expected: what would fit.
+        expected: what is valid.
         finite: whether they must be finite, and at most `LARGEST` in size; else they may be infinite, never NaN.
     """
     array = real(value)
@@ -144,14 +144,14 @@ def column(name: str, value: object, size: int | None = None, expected: str = ""
 
 
 def places(name: str, value: object, expected: str, low: float = -FAR, high: float = FAR, *, least: int = 0) -> Array:
-    """Return one place or several, (K,), between two ends.
+    """Return one number or several, (K,), within a closed interval.
 
     Args:
         name: of the argument.
         value: what was given.
-        expected: what would fit.
-        low, high: ends; none but that a place is finite if not given.
-        least: number of places that there must be.
+        expected: what is valid.
+        low, high: ends of the interval; by default all finite numbers.
+        least: smallest number of values.
     """
     array = real(value)
     fits = array is not None and array.ndim <= 1 and array.size >= least
@@ -161,10 +161,14 @@ def places(name: str, value: object, expected: str, low: float = -FAR, high: flo
 
 
 def several(name: str, value: object, expected: str) -> list[Any]:
-    """Return what a list or another iterable holds; texts, mappings, arrays and symbols are none."""
+    """Return the items of an iterable as a list.
+
+    Raises:
+        TypeError: not iterable, or a string, mapping, array or CasADi symbol (iterable, but never meant as a list).
+    """
     single = str | bytes | Mapping | np.ndarray | ca.SX | ca.MX | ca.DM | type  # type: ignore[type-arg]
     if isinstance(value, single) or not isinstance(value, Iterable):
-        raise TypeError(_told(name, value, expected))
+        raise TypeError(_message(name, value, expected))
     return list(value)
 
 
@@ -174,7 +178,7 @@ def mapping(name: str, value: object, expected: str) -> None:
 
 
 def text(name: str, value: object, expected: str = "a text") -> None:
-    """Raise TypeError unless a value is a text."""
+    """Raise TypeError unless a value is a string."""
     instance(name, value, str, expected)
 
 
@@ -201,7 +205,7 @@ def real(value: object) -> Array | None:
     if type(value) is float:
         return np.array(value)
     if type(value) is np.ndarray and value.dtype == np.float64:
-        return value  # asked for often, and read only
+        return value  # a frequent case, and read only
     if isinstance(value, list | tuple) and any(isinstance(part, bool | str | bytes) for part in value):
         return None
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
@@ -219,5 +223,5 @@ def real(value: object) -> Array | None:
     return array.astype(float) if array.dtype.kind in "fiu" else None
 
 
-def _told(name: str, value: object, expected: str) -> str:
+def _message(name: str, value: object, expected: str) -> str:
     return f"{name}{' is' if ': ' in name else ': got'} {shown(value)}, expected {expected}"

@@ -16,7 +16,7 @@ Side = float | Sequence[float] | np.ndarray | None  # of a limit
 
 @dataclass(frozen=True)
 class Label:
-    """What one component of a signal is called, and its unit."""
+    """Name and unit of one component of a signal."""
 
     name: str
     unit: str = ""
@@ -31,13 +31,13 @@ class Label:
 
 @dataclass(frozen=True, eq=False)
 class Singularity:
-    """A place where the equations of a system have no meaning: a quantity vanishes there.
+    """A singularity: a state at which a quantity vanishes and the equations of a system are not defined.
 
     Args:
         quantity: scalar expression in x and p.
-        least: size below which it counts as zero, too few digits being left of the equations.
-        words: what is singular and what to do about it, a sentence without a full stop.
-        crossed: whether the quantity changes its sign there, so that a motion may step over the place unnoticed.
+        least: absolute value below which the equations have lost too many digits.
+        words: what is singular and what to do about it, for messages; no full stop.
+        crossed: whether the quantity changes its sign there, so that a step of an integrator may cross it unnoticed.
     """
 
     quantity: ca.SX
@@ -55,14 +55,14 @@ class System:
         u: (nu,) symbols of the control.
         p: (np,) symbols of the parameters, may be empty.
         rate: (nx,) dx/dt as an expression in x, u, p.
-        signals: name -> expression in x, u, p; what may be bounded, minimised or plotted.
+        signals: name -> expression in x, u, p that may be bounded, minimised or plotted.
         nominal: value of every parameter, in the order of p.
         labels: signal name (or "x", "u") -> one Label for each component; missing ones are numbered.
         notes: sentences about how the system was built.
-        limits: signal name -> (lower, upper), scalars or one for each component, None for none; what the system itself
-            keeps to along every motion. Every Problem has them.
-        initial: signal name -> value at t = 0 that a motion starts with unless it says otherwise, such as a clock.
-        singular: places that no motion may touch; `simulate`, `solve` and `verify` watch them.
+        limits: signal name -> (lower, upper), scalars or one for each component, None for no limit. They belong to the
+            system: every Problem has them along the whole motion.
+        initial: signal name -> value at t = 0 that `point_to_point` uses, such as 0 for a clock.
+        singular: singularities that no motion may touch; `simulate`, `solve` and `verify` check them.
 
     Raises:
         TypeError: a part is not symbolic.
@@ -138,8 +138,8 @@ class System:
         return rebuild, (function, tuple(self.signals), *data)
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
-        """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is none."""
-        checks.text("what", what, "what the expression is called")
+        """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is no CasADi SX."""
+        checks.text("what", what, "a name for messages")
         checks.expression(what, expression)
         known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
         foreign = [str(s) for s in ca.symvar(expression) if s.element_hash() not in known]
@@ -168,7 +168,7 @@ class System:
         return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
 
     def values(self, given: Mapping[str, float] | None = None) -> list[float]:
-        """Return the parameter values in the order of p, nominal where `given` is silent.
+        """Return the parameter values in the order of p, nominal where `given` has no entry.
 
         Raises:
             ValueError: `given` names a parameter that the system does not have, or a value that is not finite.
@@ -196,7 +196,7 @@ def rates(system: System) -> ca.Function:
 
 @functools.lru_cache(maxsize=32)
 def slopes(system: System) -> ca.Function:
-    """Return the function (x, u, p) -> (rate, d rate/dx, d rate/du), all dense; asked for often in one solve.
+    """Return the function (x, u, p) -> (rate, d rate/dx, d rate/du), all dense; cached.
 
     Args:
         system: x' = f(x, u, p).
@@ -215,7 +215,7 @@ def rebuild(
     initial: Mapping[str, float],
     singular: tuple[tuple[float, str, bool], ...] = (),
 ) -> System:
-    """Return the System that a function (x, u, p) -> (rate, *signals, *quantities) stands for, on new symbols.
+    """Return the System with the expressions of a function (x, u, p) -> (rate, *signals, *quantities), on new symbols.
 
     Args:
         function: as made by pickling a System.
@@ -225,7 +225,7 @@ def rebuild(
         notes: sentences.
         limits: by signal.
         initial: by signal.
-        singular: what is known of each place beside its quantity.
+        singular: of each singularity all but its quantity.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *rest = function.call([x, u, p])

@@ -18,7 +18,7 @@ from ocp.numerics.newton import ACCEPTED
 from ocp.system import System, rates
 
 SAFETY = 0.9
-SHRINK, GROW = 0.2, 8.0  # limits of one change of the step
+SHRINK, GROW = 0.2, 8.0  # smallest and largest factor of one change of the step
 MOST_STEPS = 1_000_000  # between two stops
 
 
@@ -68,7 +68,7 @@ class AdaptiveStep:
         return Passage(xs, "", attempt.evaluations)
 
     def _first(self, system: System, parameters: Sequence[float], x0: Array, segment: Segment) -> float:
-        """Return a first step in which x changes by a hundredth of its size [s]."""
+        """Return a first step in which x changes by about a hundredth of its value [s]."""
         slope = np.array(rates(system)(x0, segment.control(segment.stops[0]), parameters)).ravel()
         size = np.asarray(self.atol) + self.rtol * np.abs(x0)
         way, speed = np.max(np.abs(x0) / size), np.max(np.abs(slope) / size)
@@ -117,7 +117,7 @@ class _Attempt:
             proposal = h * (min(max(factor, SHRINK), grow) if finite else SHRINK)
             if good:
                 x, t = new.copy(), (stop if h == stop - t else t + h)
-                proposal = max(proposal, step) if h < step else proposal  # a last short segment says nothing
+                proposal = max(proposal, step) if h < step else proposal  # h was cut short by the stop
             grow = GROW if good else 1.0
             step = proposal
             if step < 1e-14 * max(abs(t), abs(stop)):

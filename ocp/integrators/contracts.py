@@ -1,4 +1,4 @@
-"""What an integrator is: settings that take a state through the segments of a motion."""
+"""The contracts of integrators and one-step methods, and checks of their settings."""
 
 from __future__ import annotations
 
@@ -49,8 +49,7 @@ def check_tolerances(rtol: float | Array, atol: float | Array) -> None:
         or not absolute.size
         or not (0.0 < relative < np.inf and np.all((absolute > 0.0) & (absolute < np.inf)))
     ):
-        told = f"{checks.shown(rtol)}, {checks.shown(atol)}"
-        raise ValueError(f"rtol, atol: got {told}, expected numbers > 0")
+        raise ValueError(f"rtol, atol: got {checks.shown(rtol)}, {checks.shown(atol)}, expected numbers > 0")
 
 
 def check_components(atol: float | Array, nx: int) -> None:
@@ -73,7 +72,7 @@ class Rule(Protocol):
     """A one-step method, with fixed steps or, if it estimates its error, with a step control."""
 
     def __hash__(self) -> int:
-        """Return a hash: compiled steps are kept for rules seen before."""
+        """Return a hash, for the cache of step functions."""
 
     @property
     def order(self) -> int:
@@ -81,7 +80,7 @@ class Rule(Protocol):
 
     @property
     def places(self) -> Array:
-        """(s,) places in [0, 1] of the step at which the control is needed."""
+        """(s,) points of the step, from 0 to 1, at which the control is needed."""
 
     @property
     def error_order(self) -> int:
@@ -90,7 +89,7 @@ class Rule(Protocol):
     def step(self, system: System) -> ca.Function:
         """Return the function (x, h, u, p) -> (x_next, errors, change, evaluations) of one step.
 
-        x is (nx,), h a scalar [s], u (nu, s) the control at the places; errors (nx, k) estimates; change the last
+        x is (nx,), h a scalar [s], u (nu, s) the control at `places`; errors (nx, k) are estimates, change is the last
         correction of an iteration, relative (0 without one); evaluations counts those of f.
 
         Args:

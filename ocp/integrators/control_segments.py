@@ -35,7 +35,7 @@ class Polynomial:
             constant: Array = self.values[0]
             return constant
         tau, nodes = (t - self.start) / self.width, self._nodes
-        # In plain numbers: an integrator asks at one time after the other, where arrays of one row cost far more.
+        # Plain numbers: an integrator evaluates one time after the other, for which arrays are far slower.
         basis = [
             factor * math.prod(tau - other for k, other in enumerate(nodes) if k != m)
             for m, factor in enumerate(self._factors)
@@ -79,7 +79,7 @@ class Sampled:
     """A control given as a function of time, evaluated strictly inside (a, b) so that a jump at an end does no harm."""
 
     function: ControlOf
-    inset: float  # how far inside its ends the segment is seen [s]
+    inset: float  # distance from a and b within which the function is not evaluated [s]
     a: float  # [s]
     b: float  # [s]
     nu: int  # number of controls

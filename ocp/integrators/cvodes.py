@@ -65,7 +65,7 @@ class Cvodes:
                 result, calls, flag = self._over(made, system, parameters, x, stops, segment)
                 evaluations += calls
                 if result is None and whole and len(stops) > 2:
-                    continue  # once more from stop to stop, to keep what can be reached
+                    continue  # again from stop to stop, to keep the part that can be reached
                 if result is None:
                     reason = f"CVODES did not reach {stops[-1]:.9g} s from there"
                     if "TOO_MUCH_WORK" in flag:
@@ -82,7 +82,7 @@ class Cvodes:
         self, made: dict[tuple[object, ...], ca.Function], system: System, parameters: Sequence[float], x: Array,
         stops: Array, segment: Segment,
     ) -> tuple[Array | None, int, str]:  # fmt: skip
-        """Return the states at the stops but the first (None for a failure), evaluations, and what CVODES said."""
+        """Return the states at all stops but the first (None for a failure), evaluations, and the message of CVODES."""
         start, width = float(stops[0]), float(stops[-1] - stops[0])
         shares = tuple(((stops[1:] - start) / width).tolist())
         if isinstance(segment.control, Polynomial):

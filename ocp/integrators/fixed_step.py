@@ -18,7 +18,7 @@ from ocp.numerics.newton import ACCEPTED
 from ocp.system import System
 
 BATCHES = (16, 128, 1024, 4096)  # steps in one call
-LONG = 1.0  # step in units of the fastest mode from which on it is named when the states overflow
+LONG = 1.0  # |fastest eigenvalue| times step, from which on the message of an overflow names that mode
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class FixedStep:
             run.inputs[0][:] = x
             run.inputs[1][:], run.inputs[2][:] = schedule.steps(first, n, self.rule.places, system.u.numel())
             for output in run.outputs:
-                output[:] = np.nan  # should the evaluation itself break off
+                output[:] = np.nan  # remains if the evaluation stops early
             run.call()
             steps = min(n, schedule.total - first)
             bad = ~(np.all(np.isfinite(states), axis=1) & (changes <= ACCEPTED))[:steps]
@@ -69,7 +69,7 @@ class FixedStep:
                 k = first + good
                 reason = "the iteration for an implicit step did not converge; take a smaller step"
                 if not diverged:
-                    # Where x is a number but the next one is not, the start says more about the modes than x.
+                    # Just before an overflow x is huge; the modes at the start describe the system better.
                     mode = Linearisation(system, parameters).fastest(x0, segments[0].control(segments[0].stops[0]))
                     fast = abs(mode) * schedule.width > LONG
                     reason = f"f is not finite{describe(mode) if fast else ''}"
@@ -80,7 +80,7 @@ class FixedStep:
 
 @dataclass(frozen=True, eq=False)
 class _Schedule:
-    """All steps of a motion, of which only those between stops take memory."""
+    """All steps of a motion; memory is needed for the stops only, not for the steps."""
 
     segments: Sequence[Segment]
     gaps: Array  # (S,) between stops [s]

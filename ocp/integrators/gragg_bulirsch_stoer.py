@@ -17,17 +17,17 @@ from ocp.integrators.stiffness import Linearisation, decays, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.system import System, rates
 
-LOOK = 100  # steps after which the fastest mode is looked at
-STIFF = 300.0  # times that a mode dies out before the next stop, from which on an implicit method is cheaper
+LOOK = 100  # steps after which the eigenvalues are checked for stiffness
+STIFF = 300.0  # time to the next stop over the decay time, from which on an implicit method is cheaper
 
 
 @dataclass(frozen=True, eq=False)
 class Extrapolation:
     """Steps of order 16 with an error control for each, to tolerances near rounding; Radau IIA where that is stiff.
 
-    After every hundred steps without an end the fastest mode of the system is looked at. If it dies out many times
-    before the next stop, Radau IIA of order 5 goes on from there with the same tolerances; a mode that swings is
-    followed. No step is held to more than the rounding of f.
+    After every hundred steps between two stops the largest eigenvalue of df/dx is computed. If its mode decays many
+    times before the next stop, Radau IIA of order 5 continues from there with the same tolerances; an oscillating mode
+    is resolved. The tolerance of a step is never below the rounding error of f.
 
     Args:
         rtol, atol: tolerance of one step; atol scalar or (nx,).
@@ -63,7 +63,7 @@ class Extrapolation:
 
 
 class _Run:
-    """One integration: the explicit method, the implicit one, and which of them is at work."""
+    """State of one integration, with the explicit and the implicit method."""
 
     def __init__(self, method: Extrapolation, system: System, parameters: Sequence[float]) -> None:
         self._rtol, self._atol = method.rtol, method.atol
@@ -142,16 +142,16 @@ COLUMNS = 8  # of the extrapolation table: order 16
 SAFETY = 0.7
 
 
-SHRINK, GROW = 0.1, 4.0  # limits of one change of the step
+SHRINK, GROW = 0.1, 4.0  # smallest and largest factor of one change of the step
 
 
 MOST_STEPS = 100_000
 
 
-AMPLIFIED = 20.0  # root of the sum of the squared weights of the last entry, 69, times that of rounding, 0.29 eps
+AMPLIFIED = 20.0  # rounding of the last entry in units of eps: norm of its weights, 69, times 0.29 for one value
 
 
-TORN = 2.0  # tolerances between the two extrapolations: their constants differ, a torn motion is off by far more
+TORN = 2.0  # largest difference of the two extrapolations in units of the tolerance
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def integrate(
         x0: (nx,).
         rtol, atol: tolerance of one step, atol scalar or (nx,).
         first: first step to try [s]; 0 for the interval.
-        rounding: (t, x) -> (nx,) uncertainty of f by rounding: no step is held to more than that; None for none.
+        rounding: (t, x) -> (nx,) rounding error of f, added to the tolerance; None for zero.
         steps: most of them, those rejected included.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9 (Gragg-Bulirsch-Stoer; the
@@ -211,7 +211,7 @@ def integrate(
         factor = SAFETY * error ** (-1.0 / (2 * COLUMNS - 1)) if error > 0.0 else GROW
         proposal = h * float(np.clip(factor, SHRINK, GROW))
         if error <= 1.0 and h < step:
-            proposal = max(proposal, step)  # a last short segment says nothing about the step
+            proposal = max(proposal, step)  # h was cut short by the end
         step = proposal
         if step < 1e-14 * max(abs(t), t1 - t0):
             return Step(x, step, t)
@@ -225,14 +225,14 @@ def _extrapolate(
 
     Args:
         rate, t, x, h, rtol, atol: as in `integrate`.
-        noise: (nx,) what the rounding of f makes of x in h.
+        noise: (nx,) rounding error of f, times h.
     """
-    with np.errstate(all="ignore"):  # what overflows is rejected
+    with np.errstate(all="ignore"):  # a step that overflows is rejected
         slope = rate(t, x)
         chains = [_midpoint(rate, t, x, slope, h, 2 * (k + 1)) for k in range(COLUMNS)]
         new, before = _neville([now for now, _ in chains])
         size = np.asarray(atol) + rtol * np.maximum(np.abs(x), np.abs(new)) + AMPLIFIED * noise
-        # Rounding does not shrink with the step like the rest of the estimate: it shall not choose the step.
+        # Rounding does not shrink with the step as the estimate does, so it must not influence the step.
         error = float(np.max(np.maximum(np.abs(new - before) - 2.0 * noise, 0.0) / size, initial=0.0))
         if error <= 1.0:
             ends = [(now + last + h / (2 * k + 2) * rate(t + h, now)) / 2.0 for k, (now, last) in enumerate(chains)]

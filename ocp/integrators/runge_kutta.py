@@ -34,7 +34,7 @@ class RungeKutta:
 
     @property
     def places(self) -> Array:
-        """(s,) places of the stages in the step."""
+        """(s,) points of the stages in the step."""
         return self.tableau.c
 
     @property

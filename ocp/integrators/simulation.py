@@ -17,7 +17,7 @@ from ocp.problem.singularities import between, meeting
 from ocp.solution.solution import OUTSIDE, Solution
 from ocp.system import System, rates
 
-WATCHED = 100  # intervals at least in which a motion is looked at that may step over a singularity
+WATCHED = 100  # least number of intervals that are checked for a singularity that a step may cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +62,14 @@ def simulate(
 ) -> Trajectory:
     """Integrate x' = f(x, u(t), p) from x0 at t = 0; by default with steps of order 16, an error control for each.
 
-    A motion ends where it meets a singularity of the system, and the message names it. A system that a motion may cross
-    unnoticed is integrated with at least 100 stops, whatever is reported.
+    A motion ends where it meets a singularity of the system, and the message names it. If a step may cross one, the
+    integration stops at least 100 times to check, whatever times are reported.
 
     Args:
         system: x' = f(x, u, p).
         x0: (nx,) state at t = 0.
         control: (nu,) constant, a function t -> (nu,), or a Solution, whose control is used element by element.
-        times: (K,) times to report [s], increasing, >= 0; or one duration, reported at 101 places.
+        times: (K,) times to report [s], increasing, >= 0; or one duration, reported at 101 points.
         values: of parameters, by name; nominal where silent (those of the Solution if the control is one).
         breaks: times where a function jumps or has a kink [s]; the steps end there.
         method: from `ocp.integrators`, such as `gauss(2, step=1e-3)`; None is `extrapolation()`.
@@ -81,55 +81,68 @@ def simulate(
         TypeError: method is no integrator.
     """
     checks.instance("system", system, System, "a System")
+    start, reported = _initial_state(system, x0), _times(times, control)
+    chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))
+    parameters = _parameters(system, control, values)
+    inner = checks.places("breaks", breaks, "times in s where the control jumps")
+    nu, known = system.u.numel(), dict(zip(system.nominal, parameters, strict=True))
+    xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
+    singular = meeting(system, start[None], parameters)
+    if singular:
+        message = f"the integration did not start: {singular.words}"
+        return Trajectory(reported, xs, us, message, system, known)
+    if reported[0] == 0.0:
+        xs[0], us[0] = start, at_start(control, nu)
+    parts = tuple(segments(control, _stops(system, reported, chosen), inner, nu))
+    with np.errstate(over="ignore", invalid="ignore"):  # the message reports an overflow
+        passage = chosen.march(system, parameters, start, parts)
+    row = 0
+    for segment in parts:
+        for stop in segment.stops[1:]:
+            k = np.searchsorted(reported, stop)
+            if k < len(reported) and reported[k] == stop and not np.isnan(passage.x[row, 0]):
+                xs[k], us[k] = passage.x[row], segment.control(stop)
+            row += 1
+    message = passage.message
+    met = _met(system, parameters, start, parts, passage) if system.singular else None
+    if met is not None:
+        time, words = met
+        xs[reported >= time], us[reported >= time] = np.nan, np.nan
+        message = stopped(time, words)
+    return Trajectory(reported, xs, us, message, system, known, passage.evaluations)
+
+
+def _initial_state(system: System, x0: Sequence[float] | Array) -> Array:
     wanted = f"{system.x.numel()} finite numbers"
     start = checks.numbers("x0", np.ravel(x0).tolist() if isinstance(x0, np.ndarray) else x0, wanted).ravel()
     if len(start) != system.x.numel():
         raise checks.refused("x0", x0, wanted)
-    reported = checks.numbers("times", times, "a duration > 0 s or increasing times >= 0 s").copy()
+    return start
+
+
+def _times(times: Sequence[float] | Array | float, control: Controls) -> Array:
+    """Return the times to report (K,) [s]; 101 for a single duration."""
+    wanted = "a duration > 0 s or increasing times >= 0 s"
+    reported = checks.numbers("times", times, wanted).copy()
     if reported.ndim == 0 and not 0.0 < reported < np.inf:
-        raise ValueError(f"times: got {times}, expected a duration > 0 s or increasing times >= 0 s")
+        raise ValueError(f"times: got {times}, expected {wanted}")
     if reported.ndim == 0:
         reported = np.linspace(0.0, float(reported), 101)
     if reported.ndim != 1 or len(reported) < 1 or not np.all(np.diff(reported) > 0.0) or not np.all(reported >= 0.0):
-        raise checks.refused("times", times, "a duration > 0 s or increasing times >= 0 s")
+        raise checks.refused("times", times, wanted)
     if isinstance(control, Solution) and reported[-1] > control.duration * (1.0 + OUTSIDE):
         raise ValueError(f"times: got {reported[-1]:g} s, the control lasts {control.duration:g} s")
-    chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))
+    return reported
+
+
+def _parameters(system: System, control: Controls, values: Mapping[str, float] | None) -> list[float]:
+    """Return parameter values: those given, else those of a solution whose control is used, else nominal ones."""
     if values is None and isinstance(control, Solution):
         values = control.values
     if values is not None:
         checks.mapping("values", values, "a dict parameter name -> number, or None")
     known = {name: value for name, value in (values or {}).items() if name in system.nominal}
-    parameters = system.values(known if isinstance(control, Solution) else values)
-    inner = checks.places("breaks", breaks, "times in s where the control jumps")
-    nu = system.u.numel()
-    xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
-    if reported[0] == 0.0:
-        xs[0], us[0] = start, at_start(control, nu)
-    named = dict(zip(system.nominal, parameters, strict=True))
-    refused = meeting(system, start[None], parameters)
-    if refused:
-        xs[:], us[:] = np.nan, np.nan
-        message = f"the integration did not start: {refused.words}"
-        return Trajectory(reported, xs, us, message, system, named)
-    parts = tuple(segments(control, _stops(system, reported, chosen), inner, nu))
-    with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows beyond all numbers is told by the message
-        passage = chosen.march(system, parameters, start, parts)
-    row = 0
-    for segment in parts:
-        for stop in segment.stops[1:]:
-            place = np.searchsorted(reported, stop)
-            if place < len(reported) and reported[place] == stop and not np.isnan(passage.x[row, 0]):
-                xs[place], us[place] = passage.x[row], segment.control(stop)
-            row += 1
-    message = passage.message
-    if system.singular:
-        met = _met(system, parameters, start, parts, passage)
-        if met is not None:
-            time, words = met
-            xs[reported >= time], us[reported >= time] = np.nan, np.nan
-            message = stopped(time, words)
-    return Trajectory(reported, xs, us, message, system, named, passage.evaluations)
+    return system.values(known if isinstance(control, Solution) else values)
 
 
 def _stops(system: System, reported: Array, method: Method) -> Array:
@@ -145,9 +158,9 @@ def _stops(system: System, reported: Array, method: Method) -> Array:
 def _met(
     system: System, parameters: Sequence[float], start: Array, parts: Sequence[Segment], passage: Passage
 ) -> tuple[float, str] | None:
-    """Return when an integrated motion meets a singularity [s] and what to say of it, None if it does not.
+    """Return the time [s] at which an integrated motion meets a singularity, with the message, or None.
 
-    A motion that could not go on is continued in a straight line to the next stop, to see what it ran into.
+    A motion that stopped is extended in a straight line to the next stop, to find the singularity that stopped it.
     """
     x, row = start, 0
     for segment in parts:
@@ -173,8 +186,10 @@ def _met(
 def _with_tolerances(method: Method, rtol: float | None, atol: float | Array | None, nx: int) -> Method:
     """Return the method with the tolerances that are not None in place of its own."""
     if isinstance(method, type) or not callable(getattr(method, "march", None)):
-        told = checks.shown(method)
-        raise TypeError(f"method: got {told}, expected an integrator such as ocp.integrators.runge_kutta_4(1e-3)")
+        given_method = checks.shown(method)
+        raise TypeError(
+            f"method: got {given_method}, expected an integrator such as ocp.integrators.runge_kutta_4(1e-3)"
+        )
     given = {name: value for name, value in (("rtol", rtol), ("atol", atol)) if value is not None}
     if not given:
         return method

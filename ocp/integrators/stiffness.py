@@ -1,4 +1,4 @@
-"""The fastest motion of a system near a state: what stiffness and rounding leave to an integrator."""
+"""Eigenvalues and rounding errors of x' = f(x, u, p) near a state: is it stiff, and how accurate is f?"""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Linearisation:
         return self._evaluation.outputs[0].reshape(self._nx, self._nx).T, self._evaluation.outputs[1]
 
     def rounding(self, x: Array, u: Array) -> Array:
-        """Return how far f is uncertain because x has 53 bits, eps (|df/dx| |x| + |df/du| |u| + |f|), shape (nx,)."""
+        """Return the rounding error of f, eps (|df/dx| |x| + |df/du| |u| + |f|), shape (nx,)."""
         terms = EPS * self._at(x, u)[1]
         return np.where(np.isfinite(terms), terms, 0.0)
 
@@ -50,22 +50,22 @@ class Linearisation:
 
 
 def decays(mode: complex) -> bool:
-    """Return whether a mode dies out faster than it swings: an implicit method may step over it."""
+    """Return whether a mode decays faster than it oscillates, so that an implicit method need not resolve it."""
     return mode.real < 0.0 and -mode.real >= abs(mode.imag)
 
 
 def describe(mode: complex) -> str:
-    """Return what the fastest mode [1/s] asks of an integrator, in words; empty if it is not known."""
+    """Return advice for the fastest mode [1/s] as the end of a message; empty if the mode is NaN."""
     if not np.isfinite(mode):
         return ""
     if decays(mode):
         return (
-            f"; the fastest mode of the system dies out in {-1.0 / mode.real:.2g} s, so it is stiff there: use an "
+            f"; the fastest mode of the system decays in {-1.0 / mode.real:.2g} s, so it is stiff there: use an "
             "implicit method, such as integrators.radau_5, or shorter steps"
         )
     if abs(mode.imag) > abs(mode.real):
         return (
-            f"; the fastest mode of the system swings at {abs(mode.imag):.2g} rad/s and must be followed: shorter "
+            f"; the fastest mode of the system oscillates at {abs(mode.imag):.2g} rad/s and must be resolved: shorter "
             "steps, a looser tolerance, more damping, or integrators.radau_5, which damps it away"
         )
     return ""

@@ -53,9 +53,9 @@ class Tableau:
 
     @property
     def c(self) -> Array:
-        """(s,) places of the stages in the step, c_i = sum_j a_ij."""
-        places: Array = self.a.sum(axis=1)
-        return places
+        """(s,) points of the stages in the step, c_i = sum_j a_ij."""
+        points: Array = self.a.sum(axis=1)
+        return points
 
     @property
     def explicit(self) -> bool:

@@ -1,8 +1,9 @@
-"""Compilation: CasADi functions as machine code, in libraries that are kept for the next time.
+"""Compilation of CasADi functions to machine code, in libraries that are cached on disk.
 
 CasADi writes C, the C compiler of the system (the environment variable CC, else gcc, cc or clang) makes a library of
 it, CasADi loads that. A library is kept in a directory of the user's own (HAMEL_CACHE, else `hamel` in XDG_CACHE_HOME
-or ~/.cache) under the hash of all that it depends on. Whatever hinders, the functions come back as they were.
+or ~/.cache) under the hash of all that it depends on. If anything prevents that, the functions are returned
+uncompiled, with the reason.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ BUILD = ".hamel-build-"  # how the directory of a compiler at work begins
 
 @dataclass(frozen=True, eq=False)
 class Compilation:
-    """What came of compiling functions."""
+    """Functions, compiled if possible."""
 
-    functions: tuple[ca.Function, ...]  # compiled, or as they were given
+    functions: tuple[ca.Function, ...]  # compiled, or as given
     seconds: float  # wall clock of everything
     note: str  # why nothing was compiled; empty if it was
-    cached: bool  # whether a library was there already
+    cached: bool  # whether the library had been compiled before
 
 
 # Measured. Compiling takes 0.11-0.42 processor seconds for 1400 to 7900 instructions, 0.7 for 11900; 0.12-0.21 s by the
@@ -74,8 +75,8 @@ def pays(cases: int, derivatives: float) -> bool:
 Compile = Callable[[Sequence[ca.Function]], Compilation]
 
 
-class _HindranceError(Exception):
-    """A reason why functions stay as they are."""
+class _NotPossibleError(Exception):
+    """The reason why functions are not compiled."""
 
 
 def compiled(functions: Sequence[ca.Function]) -> Compilation:
@@ -104,7 +105,11 @@ def compiled(functions: Sequence[ca.Function]) -> Compilation:
     try:
         made, cached = _made(given) if given else ((), True)
         return Compilation(made, time.perf_counter() - begun, "", cached)
-    except (_HindranceError, OSError, RuntimeError) as reason:  # RuntimeError: CasADi cannot write or load it; no home
+    except (
+        _NotPossibleError,
+        OSError,
+        RuntimeError,
+    ) as reason:  # RuntimeError: CasADi cannot write or load it; no home
         return Compilation(given, time.perf_counter() - begun, f"not compiled: {reason}", False)
 
 
@@ -123,7 +128,7 @@ def directory() -> Path:
 
 def _made(functions: tuple[ca.Function, ...]) -> tuple[tuple[ca.Function, ...], bool]:
     if os.name != "posix":
-        raise _HindranceError(f"libraries are not made on {sys.platform}")
+        raise _NotPossibleError(f"libraries are not made on {sys.platform}")
     command = _compiler()
     place = directory()
     _check_directory(place)
@@ -143,7 +148,7 @@ def _compiler() -> list[str]:
         result = shutil.which(command[0])
         if result:
             return [result, *command[1:]]
-    raise _HindranceError(f"no C compiler ({named[0] if named else 'gcc, cc, clang'}) is there")
+    raise _NotPossibleError(f"no C compiler ({named[0] if named else 'gcc, cc, clang'}) is there")
 
 
 def _run(command: list[str], place: Path) -> str:
@@ -154,11 +159,11 @@ def _run(command: list[str], place: Path) -> str:
             stdin=subprocess.DEVNULL, env={**os.environ, "LC_ALL": "C"},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        raise _HindranceError(f"{command[0]} took more than {PATIENCE:g} s") from None
+        raise _NotPossibleError(f"{command[0]} took more than {PATIENCE:g} s") from None
     if done.returncode:
-        lines = done.stderr.strip().splitlines() or ["without a word"]
-        said = next((line for line in lines if "error" in line), lines[-1])
-        raise _HindranceError(f"{command[0]} failed with status {done.returncode}: {said}")
+        lines = done.stderr.strip().splitlines() or ["no message"]
+        reason = next((line for line in lines if "error" in line), lines[-1])
+        raise _NotPossibleError(f"{command[0]} failed with status {done.returncode}: {reason}")
     return done.stdout
 
 
@@ -175,22 +180,22 @@ def _digest(content: bytes) -> str:
 
 
 def _check_directory(place: Path) -> None:
-    """Raise unless nobody but the user can put a file into a directory, or another directory in its stead."""
+    """Raise unless only the user can write to a directory or replace it by another one."""
     _check_owner(place)
     for above in place.parents:
         state = above.stat()
         open_to_all = state.st_mode & stat.S_IWOTH and not state.st_mode & stat.S_ISVTX
         if open_to_all or state.st_uid not in (0, os.geteuid()):
-            raise _HindranceError(f"{place} is not safe: others can rename what is in {above}")
+            raise _NotPossibleError(f"{place} is not safe: others can rename what is in {above}")
 
 
 def _check_owner(path: Path) -> None:
     """Raise unless a file or directory belongs to the user, who alone may write to it."""
     state = path.lstat()
     if state.st_uid != os.geteuid():
-        raise _HindranceError(f"{path} belongs to another user; name a directory of your own in HAMEL_CACHE")
+        raise _NotPossibleError(f"{path} belongs to another user; name a directory of your own in HAMEL_CACHE")
     if state.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise _HindranceError(f"{path} is writable by others; take that right away, or name another one in HAMEL_CACHE")
+        raise _NotPossibleError(f"{path} is writable by others; remove that right, or name another one in HAMEL_CACHE")
 
 
 def _found(place: Path, key: str) -> Path | None:

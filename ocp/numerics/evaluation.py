@@ -13,7 +13,7 @@ from ocp.checks import Array
 
 @functools.lru_cache(maxsize=64)
 def mapped(function: ca.Function, count: int) -> ca.Function:
-    """Return a function of `count` columns; CasADi forgets its own as soon as nobody holds them.
+    """Return a function of `count` columns, cached: CasADi drops its own copy with the last reference.
 
     Args:
         function: of one column.

@@ -17,7 +17,7 @@ def root(unknowns: ca.SX, residual: ca.SX, data: list[ca.SX]) -> ca.Function:
     Args:
         unknowns: (n,) symbols z.
         residual: (n,) r in z and data.
-        data: symbols; the first one is of the size that a correction is compared with.
+        data: symbols; the size of the first one enters the convergence test.
     """
     shapes = [part.shape for part in data]
     linearised = ca.Function(

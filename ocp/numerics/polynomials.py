@@ -10,10 +10,10 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.checks import Array
 
-Matrix = Callable[[Array, Array], Array]  # of a polynomial through nodes, at places
+Matrix = Callable[[Array, Array], Array]  # (nodes, tau) -> values at tau of the polynomials on the nodes
 
 
-FEW = 64  # places at which matrices are kept
+FEW = 64  # points tau up to which a matrix is cached
 
 
 def integration_matrix(points: Array) -> Array:
@@ -23,8 +23,8 @@ def integration_matrix(points: Array) -> Array:
     return np.array(rows)
 
 
-def _kept(matrix: Matrix) -> Matrix:
-    """Return a matrix function that remembers its values at few places: the same ones are asked for all the time."""
+def _cached(matrix: Matrix) -> Matrix:
+    """Return a matrix function that caches its values for few points: the same ones are needed in every solve."""
 
     @functools.lru_cache(maxsize=128)
     def known(nodes: bytes, tau: bytes) -> Array:
@@ -37,7 +37,7 @@ def _kept(matrix: Matrix) -> Matrix:
     return remembered
 
 
-@_kept
+@_cached
 def lagrange_matrix(nodes: Array, tau: Array) -> Array:
     """Return l_m(tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
     columns = []
@@ -47,7 +47,7 @@ def lagrange_matrix(nodes: Array, tau: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-@_kept
+@_cached
 def slope_matrix(nodes: Array, tau: Array) -> Array:
     """Return dl_m/dtau (tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
     matrix = np.zeros((len(tau), len(nodes)))

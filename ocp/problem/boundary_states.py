@@ -1,4 +1,4 @@
-"""States at both ends of a motion, by what is said of the start and the end."""
+"""States at both ends of a motion that satisfy the conditions there."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 
-ITERATIONS, CLOSE = 30, 1e-12  # of Gauss-Newton, and share of the values that may be left
+ITERATIONS = 30  # of Gauss-Newton
+CLOSE = 1e-12  # largest relative residual of a condition that counts as satisfied
 
 
 def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
-    """Return states that meet the start and end conditions, and whether those conditions fix them completely."""
+    """Return states that satisfy the start and end conditions, and whether those conditions determine them uniquely."""
     first, last, fixed = _ends(problem, tuple(p.elements()))
     return first.copy(), last.copy(), fixed
 
@@ -25,12 +26,12 @@ def _ends(problem: Problem, values: tuple[float, ...]) -> tuple[Array, Array, tu
     p = ca.DM(list(values))
     low, high = problem.limits(Where.ALONG, problem.system.x)
     still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
-    first, start_fixed = _meet(problem, Where.START, still, p)
-    last, end_fixed = _meet(problem, Where.END, first, p)
+    first, start_fixed = _satisfying(problem, Where.START, still, p)
+    last, end_fixed = _satisfying(problem, Where.END, first, p)
     return first, last, (start_fixed, end_fixed)
 
 
-def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bool]:
+def _satisfying(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bool]:
     system = problem.system
     wanted = [c for c in problem.subject_to if c.where is where and not ca.depends_on(c.expression, system.u)]
     if not wanted:
@@ -40,7 +41,7 @@ def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bo
     function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
     whole = False
     for constraint in wanted:
-        # What is said of a state alone is met at once; the rest may have no meaning elsewhere.
+        # Bounds of single states are satisfied first; other expressions may not be defined for other values.
         for place, c in simple(constraint, system.x):
             x = x.copy()
             x[place] = np.clip(x[place], constraint.lower[c], constraint.upper[c])
@@ -49,15 +50,17 @@ def _meet(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Array, bo
         short = np.clip(value.ravel(), low, high) - value.ravel()
         if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(short))):
             return x, False
-        whole = bool(np.linalg.matrix_rank(_evened(slope[low == high])) == len(x)) if np.any(low == high) else False
+        whole = (
+            bool(np.linalg.matrix_rank(_equilibrated(slope[low == high])) == len(x)) if np.any(low == high) else False
+        )
         if np.all(np.abs(short) <= CLOSE * np.maximum(np.abs(value.ravel()), np.abs(slope) @ np.abs(x))):
             break
         x = x + np.linalg.lstsq(slope, short, rcond=None)[0]
     return x, whole
 
 
-def _evened(matrix: Array) -> Array:
-    """Return a matrix with rows, then columns, of length one: its rank does not depend on units."""
+def _equilibrated(matrix: Array) -> Array:
+    """Return a matrix with rows, then columns, divided by their norms, so that its rank does not depend on units."""
     for axis in (1, 0):
         size = np.linalg.norm(matrix, axis=axis, keepdims=True)
         matrix = matrix / np.where(size > 0.0, size, 1.0)

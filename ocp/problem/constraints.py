@@ -23,13 +23,13 @@ class Where(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """lower <= expression <= upper at the start, at the end or along the motion; made by start, end, along."""
+    """lower <= expression <= upper at the start, at the end or along the motion; see start, end, along, periodic."""
 
     where: Where
     expression: ca.SX  # (m,)
     lower: np.ndarray  # (m,)
     upper: np.ndarray  # (m,)
-    name: str = ""  # what messages call it; empty for the name of the signal it is
+    name: str = ""  # used in messages; empty: the name of the signal that the expression is
 
 
 Limit = float | Sequence[float] | np.ndarray | None
@@ -42,7 +42,7 @@ def start(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") 
         expression: (m,) a signal of the system, or any expression in x, u, p.
         lower: (m,) or scalar; the value itself if `upper` is not given.
         upper: (m,) or scalar.
-        name: what messages call it.
+        name: used in messages.
 
     Raises:
         ValueError: sizes disagree, NaN, lower > upper.
@@ -63,7 +63,7 @@ def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str
     Args:
         expression: (m,) a signal of the system, or any expression in x, u, p.
         lower, upper: (m,) or scalar; None (or infinite) for no limit.
-        name: what messages call it.
+        name: used in messages.
 
     Raises:
         ValueError: sizes disagree, NaN, lower > upper.
@@ -86,7 +86,7 @@ def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
 
 
 def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
-    """Return (place in symbols, component) for the components of a constraint that are one symbol each."""
+    """Return (index in symbols, component) for the components of a constraint that are single symbols."""
     place = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
     return [
         (place[component.element_hash()], c)
@@ -120,8 +120,9 @@ def _constraint(
             f"{checks.shown(expression)}, expected lower <= upper"
         )
     if np.any(low == np.inf) or np.any(high == -np.inf):
-        told = checks.shown(expression)
-        raise ValueError(f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {told}")
+        raise ValueError(
+            f"{name}: a lower limit of +inf or an upper limit of -inf leaves nothing for {checks.shown(expression)}"
+        )
     return Constraint(where, column, low, high, called)
 
 

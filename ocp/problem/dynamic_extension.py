@@ -21,7 +21,7 @@ def extend(system: System) -> System:
         The extended system, with all old signals and "du" (nu,), the rate of the old control.
 
     Raises:
-        ValueError: the system has no control, or has been extended more often than there are names for.
+        ValueError: the system has no control, or has been extended three times.
 
     Source: Isidori, Nonlinear Control Systems, 5.4 (dynamic extension).
     """

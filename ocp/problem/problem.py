@@ -103,8 +103,9 @@ class Problem:
         constraints = (self.subject_to,) if isinstance(self.subject_to, Constraint) else tuple(self.subject_to)
         for constraint in constraints:
             if not isinstance(constraint, Constraint):
-                told = checks.shown(constraint)
-                raise TypeError(f"Problem: subject_to has {told}, expected start(...), end(...) or along(...)")
+                raise TypeError(
+                    f"Problem: subject_to has {checks.shown(constraint)}, expected start(...), end(...) or along(...)"
+                )
             self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
         own = {name: sides for name, sides in self.system.limits.items() if name not in {c.name for c in constraints}}
         constraints += tuple(along(self.system[name], *sides, name=name) for name, sides in own.items())
@@ -122,7 +123,7 @@ class Problem:
         return rebuild, (system, self.horizon, cost.time, function, limits)
 
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
-        """Return what the components of a constraint are called: labels of the signal it is, or numbers."""
+        """Return the labels of the components of a constraint: those of the signal that it is, or numbered ones."""
         checks.instance("constraint", constraint, Constraint, "start(...), end(...) or along(...)")
         system, size = self.system, constraint.expression.numel()
         if len(system.labels.get(constraint.name, ())) == size:
@@ -152,7 +153,7 @@ class Problem:
             symbols: (m,) a column of symbols of the system.
 
         Returns:
-            lower, upper: (m,), infinite where nothing is said; lower > upper where constraints contradict each other.
+            lower, upper: (m,), infinite without a bound; lower > upper where constraints contradict each other.
         """
         checks.instance("where", where, Where, "Where.START, Where.END or Where.ALONG")
         checks.expression("symbols", symbols, "a column of symbols of the system")
@@ -186,8 +187,8 @@ def same_structure(old: Problem, new: Problem) -> Problem:
 
 
 def _same_cost(one: Bolza, other: Bolza) -> bool:
-    alike = ((one.running, other.running), (one.final, other.final))
-    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in alike))
+    pairs = ((one.running, other.running), (one.final, other.final))
+    return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in pairs))
 
 
 @functools.lru_cache(maxsize=64)

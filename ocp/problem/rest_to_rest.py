@@ -1,4 +1,4 @@
-"""Problems that are asked for every day, written for the user."""
+"""The rest-to-rest problem, stated by two positions and limits."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def point_to_point(
 ) -> Problem:
     """Return the rest-to-rest problem from q0 to q1: q(0) = q0, q(T) = q1, v(0) = v(T) = 0.
 
-    Where v = 0 does not make a rest, as the drives have states, the signal "rest" is zero at both ends in its place;
-    signals with an initial value of their own start with it.
+    A system whose rest needs more than v = 0, because its drives have states, has a signal "rest" that is zero at both
+    ends instead; signals with an initial value of their own start with it.
 
     Args:
         system: with signals "q" and "v".
@@ -34,11 +34,11 @@ def point_to_point(
         minimise: a Bolza cost, or "time" for the duration.
         horizon: Free (default, guess 1 s) or Fixed.
         limits: signal name = limit along the motion: a pair (lower, upper) as a tuple of scalars or (n,) arrays, or
-            magnitudes >= 0 for both sides, scalar or (n,); as in tau=[400, 250], q=(q_min, q_max), v=2.0.
+            absolute values >= 0 for both sides, scalar or (n,); as in tau=[400, 250], q=(q_min, q_max), v=2.0.
 
     Raises:
         KeyError: a limit on a signal that the system does not have.
-        ValueError: sizes disagree, a magnitude < 0, or "minimise" is another word.
+        ValueError: sizes disagree, an absolute value < 0, or "minimise" is another word.
     """
     checks.instance("point_to_point: system", system, System, "a System")
     for name, position in (("q0", q0), ("q1", q1)):
@@ -66,7 +66,7 @@ def _sides(name: str, limit: Limit | tuple[Limit, Limit], components: int) -> tu
         return None, None
     size = checks.real(limit)
     if size is None or not np.all(size >= 0.0):
-        told = checks.shown(limit)
-        raise ValueError(f"point_to_point: {name} = {told}, expected magnitudes >= 0 or a tuple (lower, upper)")
+        given = checks.shown(limit)
+        raise ValueError(f"point_to_point: {name} = {given}, expected absolute values >= 0 or a tuple (lower, upper)")
     _check_size(name, size, components)
     return -size, size

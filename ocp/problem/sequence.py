@@ -22,7 +22,7 @@ class Sequence:
     Args:
         problems: in order of time, each with a free or fixed duration of its own.
         links: what is continuous at every junction: names of signals that the systems on both sides have, or pairs
-            (expression of the earlier system, expression of the later one), for all junctions alike.
+            (expression of the earlier system, expression of the later one), the same at every junction.
 
     Raises:
         TypeError: a part of the wrong kind.

@@ -1,4 +1,4 @@
-"""Where a motion meets a place at which the equations of its system have no meaning."""
+"""Where a motion meets a singularity of its system, at which the equations are not defined."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 from ocp.system import Singularity, System, rates
 
-BETWEEN = 8  # places looked at between two states of a motion
+BETWEEN = 8  # interpolated states between two states of a motion
 
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """A motion and a singularity met."""
+    """The first singularity that a motion meets."""
 
-    row: int  # of the states: the singularity lies at this one, or between it and the one before
-    at: bool  # at this state, not between
+    row: int  # index of the state at which the singularity lies, or before which, after the one before
+    at: bool  # whether it lies at this state
     words: str  # what is singular, where, and what to do
 
 
 def meeting(system: System, x: Array, values: Sequence[float], start: int = 0) -> Meeting | None:
-    """Return where states in the order of a motion first meet a singularity of the system, None if they do not.
+    """Return where a motion first meets a singularity of the system, or None.
 
-    A state meets it where the quantity is smaller than its least size or no number; two states meet it where the
-    quantity has changed its sign.
+    A state meets it if the absolute quantity is below its least value or NaN; a motion crosses it between two states
+    if the quantity changes its sign.
 
     Args:
         system: with its singularities.
-        x: (K, nx) states; rows that are no numbers are passed over.
+        x: (K, nx) states in the order of time; rows with NaN are skipped.
         values: of the parameters.
-        start: the row whose sign counts as the right one.
+        start: index of the state whose sign of the quantity is the reference.
     """
     usable = np.flatnonzero(np.all(np.isfinite(x), axis=1))
     if not system.singular or not len(usable):
@@ -58,7 +58,7 @@ def meeting(system: System, x: Array, values: Sequence[float], start: int = 0) -
 
 
 def between(system: System, t: Array, x: Array, u: Array, values: Sequence[float]) -> tuple[Array, Array]:
-    """Return times and states of a motion with further ones between, by cubic Hermite interpolation.
+    """Return times and states of a motion with eight further states in each interval, by cubic Hermite interpolation.
 
     Args:
         system: x' = f(x, u, p).
@@ -95,7 +95,7 @@ def _quantities(system: System) -> ca.Function:
 
 
 def met_at(system: System, place: Singularity, x: Array) -> str:
-    """Return the values of the states on which the quantity of a singularity depends, in words.
+    """Return the values of the states on which the quantity of a singularity depends, as part of a message.
 
     Args:
         system: that has the singularity.
@@ -109,11 +109,11 @@ def met_at(system: System, place: Singularity, x: Array) -> str:
 
 
 def singular_ends(phases: tuple[Problem, ...], values: list[list[float]]) -> Iterator[str]:
-    """Yield ends that lie at a singularity of the system, or that one separates: no motion leads from one to another.
+    """Yield messages for ends at a singularity, or on two sides of one: no motion connects them.
 
     Args:
         phases: the problems.
-        values: of the parameters of each; a quantity with a parameter that is an unknown is not judged.
+        values: of the parameters of each; quantities that depend on a free parameter are skipped.
     """
     for phase, numbers in zip(phases, values, strict=True):
         system = phase.system
@@ -136,7 +136,7 @@ def singular_ends(phases: tuple[Problem, ...], values: list[list[float]]) -> Ite
 
 
 def _fixed(phase: Problem, where: Where) -> set[int]:
-    """Return the states that have one value at an end."""
+    """Return the hashes of the state symbols that have a fixed value at an end."""
     low, high = phase.limits(where, phase.system.x)
     pairs = zip(ca.vertsplit(phase.system.x), low, high, strict=True)
     return {symbol.element_hash() for symbol, a, b in pairs if a == b}

@@ -1,4 +1,4 @@
-"""Limits on states along the motion, with the derivatives by which a control can hold them."""
+"""State constraints along the motion, with the time derivatives up to the first one that a control influences."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
 from ocp.system import Label
 
-HIGHEST = 4  # order up to which a limit is held by index reduction
+HIGHEST = 4  # order up to which derivatives are formed
 
 
 @dataclass(frozen=True, eq=False)

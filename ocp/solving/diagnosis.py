@@ -1,8 +1,6 @@
-"""What is wrong with a problem or a failed solve, in words: where, how much, and what to try."""
+"""Messages for a failed solve: which constraints are violated, where and by how much, and what to try."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,17 +13,14 @@ from ocp.solution.violations import between_points, excess, touched
 from ocp.solving.prechecks import _labels, warnings_before
 from ocp.system import rates
 
-if TYPE_CHECKING:
-    pass
-
-NOTICEABLE = 1e-6  # share of the range beyond which a limit counts as exceeded
-SHRUNK = 1e-9  # of the guessed duration
-NAMED = 3  # findings listed at most
-FEW = 3  # values of a control below which a motion may be impossible
+NOTICEABLE = 1e-6  # violation, relative to the range, from which on a constraint is reported
+SHRUNK = 1e-9  # a duration within this share of the guessed one from its lower bound counts as at the bound
+NAMED = 3  # violated constraints in a message at most
+FEW = 3  # with fewer values of each control, a motion between given ends may be impossible
 
 
 def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
-    """Return in words why a solve failed: the worst limits and equations of its last iterate, and what to try."""
+    """Return sentences about a failed solve: the worst violations of its last iterate, and what to try."""
     status = solutions[0].status
     results: list[tuple[float, str]] = []
     for number, solution in enumerate(solutions):
@@ -46,7 +41,7 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
-    """Return what is worth saying of a solved problem: a coarse grid, a duration or controls beyond their limits."""
+    """Return warnings for a solved problem: a coarse grid, a duration at its bound, controls beyond their bounds."""
     results = []
     for solution in solutions:
         results += unresolved(solution) + between_points(solution)
@@ -94,7 +89,7 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
 
 
 def _shrinking(solution: Solution) -> list[str]:
-    """Name the controls without limits that let a motion of least time be ever shorter."""
+    """Return a sentence about controls without bounds that let a minimum-time motion become arbitrarily short."""
     problem = solution.problem
     if problem is None or not isinstance(problem.horizon, Free) or problem.minimise.time <= 0.0:
         return []
@@ -127,20 +122,18 @@ def _remedies(status: Status, problems: list[Problem], violated: bool) -> list[s
     return ["try another guess or a coarser grid"] if violated else []
 
 
-RESOLVED = 1e-6  # share of the largest value of each state, as `verify` allows
-
-
-LEAST = 1e-3  # of the largest state of the same unit: smaller states are held against that
+RESOLVED = 1e-6  # drift relative to the largest value of the state, as in `verify`
+LEAST = 1e-3  # smallest scale of a state in that comparison, relative to the largest state of the same unit
 
 
 def unresolved(solution: Solution) -> list[str]:
-    """Return a sentence if the motion, integrated with its own controls, would leave the one found; else nothing.
+    """Return a warning if the grid is too coarse: integrated with its own controls, the motion drifts away.
 
-    The NLP holds x' = f(x, u) at the collocation points only. On a grid that is too coarse, or where the motion
-    is unstable, a solution that meets every tolerance is then no motion of the system.
+    The NLP satisfies x' = f(x, u) at the collocation points only. On a coarse grid, or where the motion is unstable,
+    a solution that meets every tolerance of the NLP may therefore be no motion of the system.
 
     Args:
-        solution: that met its tolerance.
+        solution: with status SOLVED.
     """
     problem = solution.problem
     if problem is None or solution.duration <= 0.0 or not np.all(np.isfinite(solution.data)):
@@ -150,16 +143,16 @@ def unresolved(solution: Solution) -> list[str]:
             away = np.abs(drift(solution, problem))
         except np.linalg.LinAlgError:
             away = np.full((len(solution.grid) + 1, solution.states.shape[2]), np.inf)
-        span = np.max(np.abs(solution.states), axis=(0, 1))
-        labels = problem.system.label("x", len(span))
-        size = np.maximum(span, LEAST * largest_of_unit(span, [label.unit for label in labels]))
-        share = away / np.where(size > 0.0, size, 1.0)
+        largest = np.max(np.abs(solution.states), axis=(0, 1))
+        labels = problem.system.label("x", len(largest))
+        scale = np.maximum(largest, LEAST * largest_of_unit(largest, [label.unit for label in labels]))
+        share = away / np.where(scale > 0.0, scale, 1.0)
     share[~np.isfinite(share)] = np.inf
     k, i = np.unravel_index(np.argmax(share), share.shape)
     if not share[k, i] > RESOLVED:
         return []
     return [
         f"the grid does not resolve the motion: integrated with these controls, {labels[i].name} leaves it by about "
-        f"{share[k, i]:.1e} of its size at t = {solution.nodes[k]:.4g} s; a finer grid or solve_to_accuracy cures it, "
-        "and a motion that is unstable without feedback needs one most"
+        f"{share[k, i]:.1e} of its largest value at t = {solution.nodes[k]:.4g} s; a finer grid or "
+        "solve_to_accuracy cures it, and a motion that is unstable without feedback needs one most"
     ]

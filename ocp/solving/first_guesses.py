@@ -1,4 +1,4 @@
-"""First guesses: a motion that a solve may start from."""
+"""Initial guesses made from the problem alone: a straight line, a smooth motion, random variations of it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ocp.problem.sequence import Sequence
 from ocp.system import slopes
 from ocp.transcription.guess import Guess
 
-PLACES = 11  # at which the controls of a straight line are balanced
-SMOOTH_PLACES = 41  # of a smooth motion
-STRETCHES = 16  # of the guessed duration, tried until the controls stay within their limits
-FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20
-SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # of the guessed duration, while nothing keeps the motion from being shorter
-ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and share of their rates that may be left
+PLACES = 11  # points of a straight line
+SMOOTH_PLACES = 41  # points of a smooth motion
+STRETCHES = 16  # how often the duration is lengthened at most, until the controls satisfy their bounds
+FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20  # first duration and smallest factor of one lengthening
+SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # factor and number of shortenings, as long as all limits are satisfied
+ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and relative residual that ends it
 
 
 def straight_line(problem: Problem, values: Several[float]) -> Guess:
     """Return the straight line from a state that meets the start conditions to one that meets the end conditions.
 
     The states at the ends are the ones nearest to zero (within the limits along the motion) that satisfy
-    start(...) and end(...), by Gauss-Newton; states that no condition touches keep their value. The controls balance
-    the system on the line as well as they can: they minimise |x' - f(x, u)| at each place, within their limits.
+    start(...) and end(...), by Gauss-Newton; states without a condition are constant. The controls minimise
+    |x' - f(x, u)| at each point of the line, within their bounds.
 
     Args:
         problem: the problem.
@@ -48,10 +48,10 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
 def smooth(problem: Problem, values: Several[float]) -> Guess:
     """Return a smooth motion between the ends whose states and controls follow from the system itself.
 
-    The states that the controls reach last (positions, as a rule) run along a quintic, or a septic if more than two
-    integrations lie between; the states before them are found place by place from x' = f(x, u), and the controls
-    last. A free duration is lengthened from a quarter of the guessed one until the controls keep their limits; where
-    that is far too long, it is shortened first, as long as all limits are kept.
+    The states that are the most integrations away from the controls (usually positions) follow a quintic, or a septic
+    for more than two integrations; the other states and the controls follow from x' = f(x, u) at each point. A free
+    duration is lengthened from a quarter of the guessed one until the controls satisfy their bounds; if that is far
+    too long, it is shortened first as long as all limits are satisfied.
 
     Args:
         problem: the problem.
@@ -70,7 +70,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
         for count in range(SHORTENINGS if np.any(first != last) else 0):
             trial = _follow(problem, path, duration, layers, p, function)
             if not kept(trial):
-                # What the controls do not keep is lengthened below by as much as they need.
+                # The loop below lengthens the motion by the factor that the controls need.
                 duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
                 break
             if SHORTER * duration < problem.horizon.lower:
@@ -91,11 +91,12 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 
 
 def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
-    """Return a smooth motion between the ends that strays from the straight one, for a search of other optima.
+    """Return a smooth motion between the ends with random detours, for a search of other local optima.
 
-    The last layer of states is displaced by a bump of random size, at most the distance of its limits (where it has
-    none, its range plus a radian, or plus the largest range of others with its unit), and kept within them; the
-    duration is multiplied by a random factor, log-normal with a standard deviation of 0.4.
+    The states that are the most integrations away from the controls are displaced by a bump of random height, at most
+    the distance of their limits (without limits: their range plus a radian, or plus the largest range of others with
+    the same unit), and clipped to these limits; the duration is multiplied by a random factor, log-normal with a
+    standard deviation of 0.4.
 
     Args:
         problem: the problem.
@@ -109,11 +110,11 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     low, high = problem.limits(Where.ALONG, problem.system.x)
     share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
     for i in layers[-1] if layers else []:
-        reach = high[i] - low[i] if np.isfinite(high[i] - low[i]) else _room(problem, path, i)
+        height = high[i] - low[i] if np.isfinite(high[i] - low[i]) else _room(problem, path, i)
         bump = np.zeros(SMOOTH_PLACES)
         for order in (2, 4):  # one or two humps, with value and slope zero at both ends
             bump += random.uniform(-0.5, 0.5) * np.sin(np.pi * share) ** 2 * np.cos((order - 2) * np.pi * share / 2.0)
-        path[:, i] = np.clip(path[:, i] + reach * bump, low[i], high[i])
+        path[:, i] = np.clip(path[:, i] + height * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
     guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_PLACES))
@@ -123,7 +124,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
 
 
 def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
-    """Return the function that says whether a guess keeps all limits along the motion."""
+    """Return the function that checks whether a guess satisfies all limits along the motion."""
     system = problem.system
     limited = [c for c in problem.subject_to if c.where is Where.ALONG]
     low, high = (np.concatenate([getattr(c, side) for c in limited])[:, None] for side in ("lower", "upper"))
@@ -162,7 +163,7 @@ def _duration(problem: Problem) -> float:
 
 
 def _layers(problem: Problem) -> list[Array]:
-    """Return the states by the number of integrations that lie between the controls and them, nearest first."""
+    """Return the indices of the states, grouped by the number of integrations between the controls and them."""
     system = problem.system
     by_u = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.u), 1.0).full(), dtype=bool)
     by_x = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.x), 1.0).full(), dtype=bool)
@@ -177,7 +178,7 @@ def _layers(problem: Problem) -> list[Array]:
 
 
 def _drifted(path: Array, ends: tuple[Array, Array], duration: float) -> Array:
-    """Return a path with the slopes that its ends have by themselves, rates (nx,) at the first and last state."""
+    """Return a path modified so that it starts and ends with given rates (nx,)."""
     s = np.linspace(0.0, 1.0, len(path))[:, None]
     leaving, arriving = s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5, -4.0 * s**3 + 7.0 * s**4 - 3.0 * s**5
     return np.asarray(path + duration * (leaving * ends[0] + arriving * ends[1]))
@@ -210,7 +211,7 @@ def _follow(
             f, slope, _ = function(x.T, *held)
             short = rates - np.array(f).T[:, known]
             size = np.max(np.abs(rates), axis=0) + np.max(np.abs(np.array(f).T[:, known]), axis=0)
-            # Differences of what rests are rounding.
+            # Differences of constant states are rounding errors.
             if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
                 break
             blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)

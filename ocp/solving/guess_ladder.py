@@ -1,4 +1,4 @@
-"""A ladder of first guesses: rungs are tried until one of them leads to a solution."""
+"""A ladder of initial guesses: one after the other (a rung) is tried until one leads to a solution."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ocp.transcription.guess import Guess
 
 Values = Mapping[str, float] | None
 PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
-ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # for the shortest motion that a failed solve is compared with
+ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # to find the shortest motion when a fixed duration seems too short
 
 
 class Solvable(Protocol):
@@ -211,7 +211,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
 
 
 def _shortest(prepared: Solvable, values: Values) -> str:
-    """Return, for a fixed duration that is too short, what the shortest motion within the same limits takes."""
+    """Return a sentence with the shortest duration within the same limits if the fixed one is shorter; else nothing."""
     problem = prepared.problem
     if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
         return ""
@@ -227,8 +227,8 @@ def _shortest(prepared: Solvable, values: Values) -> str:
     return f"; the shortest motion found within these limits takes {result.duration:.4g} s, {asked:.4g} s were asked"
 
 
-def _infeasibility(outcome: AnySolution) -> float:
-    log = outcome.phases[0].log if hasattr(outcome, "phases") else outcome.log
+def _infeasibility(solution: AnySolution) -> float:
+    log = solution.phases[0].log if hasattr(solution, "phases") else solution.log
     column = log.get("inf_pr", [])
     return float(column[-1]) if len(column) else np.inf
 

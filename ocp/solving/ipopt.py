@@ -32,14 +32,14 @@ STATUS = {
     "Maximum_WallTime_Exceeded": Status.LIMIT,
     "User_Requested_Stop": Status.STOPPED,
 }
-# A start from the multipliers of a neighbouring solution keeps near the limits that it lies on; measured on refined
-# grids: a third to two thirds of the iterations of a cold start.
+# Options for a start from the multipliers of a neighbouring solution: the iterates stay near the active bounds.
+# Measured on refined grids: a third to two thirds of the iterations of a cold start.
 NEAR = 1e-6
 CONTINUED = {"mu_init": NEAR, "warm_start_init_point": "yes"} | {
     f"warm_start_{name}": NEAR
     for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
 }
-SOURCE = re.compile(r"\S+\.[ch]pp:\d+: ")  # place in a compiled source
+SOURCE = re.compile(r"\S+\.[ch]pp:\d+: ")  # file and line of a C++ source, in error messages of CasADi
 QUIET_SECONDS = 2.0  # a shorter solve shows no progress
 
 
@@ -95,10 +95,10 @@ class Ipopt:
             "print_level": self.print_level,
             "sb": "yes",
             "mu_strategy": "monotone",
-            # Limits are what the user said, not 1e-8 more.
+            # IPOPT would relax the bounds of the user by 1e-8.
             "bound_relax_factor": 0.0,
             "honor_original_bounds": "yes",
-            # Unknowns are scaled to about one; such values mean that something has no bound.
+            # Unknowns are scaled to about one; larger iterates mean that the problem is unbounded.
             "diverging_iterates_tol": 1e10,
         }
         if warm:

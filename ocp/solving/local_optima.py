@@ -1,4 +1,4 @@
-"""Local optima: many starts, the distinct motions they lead to, and how often."""
+"""Search for local optima: solves from many initial guesses, grouped by the motion that they lead to."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ocp.transcription.schemes.scheme import Scheme
 
 SAME_COST = 1e-5  # relative
 SAME_MOTION = 1e-2  # of the range of each state, root mean square
-COMPARED = 101  # places at which motions are compared
+COMPARED = 101  # points at which motions are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
-    """What a worker needs; it travels once for each start, and is prepared once in each process."""
+class _Task:
+    """Everything that a worker process needs for one start; prepared once in each process."""
 
     token: str
     problem: Problem
@@ -67,7 +67,7 @@ def multistart(
 ) -> tuple[Optimum, ...]:
     """Solve from many starts and return the distinct local optima, best first.
 
-    Start k depends on (seed, k) alone, so a result does not depend on the executor or the order of the work. Two
+    Start k depends on (seed, k) alone, so a result does not depend on the executor or the order of the task. Two
     solutions are one optimum if their costs agree to 1e-5 and their motions to 1e-2 of the range of each state. The
     message of the best one says how many optima there are and how many starts failed.
 
@@ -96,48 +96,48 @@ def multistart(
     if executor is not None and not callable(getattr(executor, "map", None)):
         raise TypeError(f"multistart: executor is {checks.shown(executor)}, expected a concurrent.futures.Executor")
     problem.system.values(values)
-    work = _Work(
+    task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
     if executor is None:
-        results = [_solve_start(work, k) for k in range(starts)]
+        results = [_solve_start(task, k) for k in range(starts)]
     else:
-        results = list(executor.map(functools.partial(_solve_start, work), range(starts)))
+        results = list(executor.map(functools.partial(_solve_start, task), range(starts)))
     solved = [(k, replace(s, problem=problem)) for k, s in enumerate(results) if s.ok]
     optima = _distinct(solved)
     if not optima:
         return ()
-    told = (
+    message = (
         f"{optima[0].solution.message}; {len(optima)} local optima from {starts} starts (costs "
         f"{', '.join(f'{o.solution.cost:.6g} x{o.hits}' for o in optima)}), {starts - len(solved)} starts failed"
     )
-    best = replace(optima[0], solution=replace(optima[0].solution, message=told))
+    best = replace(optima[0], solution=replace(optima[0].solution, message=message))
     return (best, *optima[1:])
 
 
-def _solve_start(work: _Work, start: int) -> Solution:
-    prepared = _prepared(work)
-    values = dict(work.values)
+def _solve_start(task: _Task, start: int) -> Solution:
+    prepared = _prepared(task)
+    values = dict(task.values)
     numbers = prepared.numbers(values)
     if start == 0:
         guess = smooth(prepared.joined.nlps[0].problem, numbers[0])
     else:
-        random = np.random.default_rng([work.seed, start])
+        random = np.random.default_rng([task.seed, start])
         guess = scattered(prepared.joined.nlps[0].problem, numbers[0], random)
     result: Solution = prepared(guess, values)
-    # Graphs do not travel back; the caller has the problem.
+    # CasADi graphs cannot be sent back; the caller has the problem.
     return replace(result, problem=None, rung=f"start {start}")
 
 
 _IN_THIS_PROCESS: dict[str, Prepared] = {}
 
 
-def _prepared(work: _Work) -> Prepared:
-    if work.token not in _IN_THIS_PROCESS:
+def _prepared(task: _Task) -> Prepared:
+    if task.token not in _IN_THIS_PROCESS:
         _IN_THIS_PROCESS.clear()
-        made = prepare(work.problem, work.scheme, work.grid, work.solver, values=dict(work.values))
-        _IN_THIS_PROCESS[work.token] = made
-    return _IN_THIS_PROCESS[work.token]
+        made = prepare(task.problem, task.scheme, task.grid, task.solver, values=dict(task.values))
+        _IN_THIS_PROCESS[task.token] = made
+    return _IN_THIS_PROCESS[task.token]
 
 
 def _distinct(solved: list[tuple[int, Solution]]) -> tuple[Optimum, ...]:

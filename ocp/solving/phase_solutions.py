@@ -1,4 +1,4 @@
-"""An answer of the solver becomes the solution of every phase."""
+"""Conversion of the result of the NLP solver to the solution of every phase."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from ocp.transcription.packing import unpack
 
 
 def solutions_of(
-    answer: NlpResult, nlps: Several[Nlp], values: list[list[float]], timings: Timings, rung: str
+    result: NlpResult, nlps: Several[Nlp], values: list[list[float]], timings: Timings, rung: str
 ) -> list[Solution]:
-    """Return the solution of every phase; failed where the motion steps over a singularity of its system.
+    """Return the solution of every phase; failed if the motion crosses a singularity of its system.
 
     Args:
-        answer: of all phases together.
-        NLPs: of the phases.
+        result: of the NLP of all phases.
+        nlps: of the phases.
         values: of the parameters of each phase.
         timings: of the solve.
-        rung: what the guess is called.
+        rung: name of the initial guess.
     """
     sizes = np.cumsum([p.layout.size for p in nlps])[:-1]
-    zs, limits = np.split(answer.z, sizes), np.split(answer.limits, sizes)
-    mus = np.split(answer.multipliers, np.cumsum([p.rows for p in nlps]))
+    zs, limits = np.split(result.z, sizes), np.split(result.limits, sizes)
+    rows = np.split(result.multipliers, np.cumsum([p.rows for p in nlps]))
     results = []
-    for nlp, z, mu, held, numbers in zip(nlps, zs, mus, limits, values, strict=False):
-        motion = unpack(nlp, z, mu, held, numbers)
+    for nlp, z, own, held, numbers in zip(nlps, zs, rows, limits, values, strict=False):
+        motion = unpack(nlp, z, own, held, numbers)
         results.append(
             Solution(
-                answer.status, answer.status.value, answer.verbatim, motion.duration, answer.cost, motion.states,
+                result.status, result.status.value, result.verbatim, motion.duration, result.cost, motion.states,
                 motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
-                answer.iterations, nlp.grid, nlp.scheme, nlp.problem, rung, answer.log,
+                result.iterations, nlp.grid, nlp.scheme, nlp.problem, rung, result.log,
                 motion.multipliers,
             )
         )  # fmt: skip
-    if answer.status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(results)):
-        # The equations hold at nodes on both sides, and have no meaning between.
+    if result.status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(results)):
+        # The collocation equations are satisfied on both sides of the singularity, but the motion between is undefined.
         results = [replace(solution, status=Status.FAILED) for solution in results]
     return results

@@ -1,4 +1,4 @@
-"""Rest at both ends of a motion: whether the controls can hold it."""
+"""Checks before a solve: contradictions, ends that cannot be at rest, values that are not finite."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ocp.problem.sequence import Sequence, phases_of
 from ocp.system import Label, slopes
 from ocp.transcription.guess import Guess
 
-ROUNDING = 1e-9  # share of what a value is made of
+ROUNDING = 1e-9  # error of a value relative to the sum of its absolute terms
 
 
 def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> list[str]:
-    """Return what speaks against a motion without excluding it: a control too weak to hold an end at rest."""
+    """Return warnings (not errors) for ends at rest that the bounds on the controls cannot hold."""
     results = []
     for phase, numbers in zip(phases_of(problem), values, strict=True):
         system, p = phase.system, ca.DM(list(numbers))
@@ -46,13 +46,13 @@ def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> l
 
 
 def _rests(f: Array, parts: Array, units: list[str]) -> bool:
-    """Return whether rates f (nx,) are balanced by the parts (nx, nu) of the controls; those of one unit together."""
+    """Return whether contributions (nx, nu) of the controls balance the rates f (nx,) without them."""
     left, size = np.abs(f + parts.sum(axis=1)), np.abs(f) + np.abs(parts).sum(axis=1)
     return bool(np.all(left <= 1e-6 * largest_of_unit(size, units) + 1e-14 * np.max(size, initial=0.0)))
 
 
 def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Guess, float] | None:
-    """Return the motion of no duration and its cost, where it is the optimum: least time, and the goal is the start.
+    """Return the motion of zero duration and its cost if that is the optimum: minimum time, and the goal is the start.
 
     Args:
         problem: a Problem.
@@ -73,7 +73,7 @@ def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Gue
 
 
 def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> Iterator[str]:
-    """Yield what no motion can meet with these parameter values: limits or ends that exclude each other."""
+    """Yield messages for limits and ends that exclude each other with these parameter values."""
     for phase, numbers in zip(_phases(problem), values, strict=True):
         system = phase.system
         for kind, symbols in (("x", system.x), ("u", system.u), ("p", system.p)):
@@ -95,7 +95,7 @@ def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> It
 
 
 def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
-    """Yield states that must travel further than limits on their rate allow in the longest duration."""
+    """Yield messages for states that cannot travel far enough in the longest duration with limits on their rate."""
     system, horizon = phase.system, phase.horizon
     longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
     limited = [c for c in phase.subject_to if c.where is Where.ALONG]
@@ -105,14 +105,14 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     last_low, last_high = phase.limits(Where.END, system.x)
     expression = ca.vertcat(*(c.expression for c in limited))
     lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
-    # Which limited expression is the rate of which state is found by numbers: graphs of one value may differ.
+    # Which expression is the rate of which state is decided by numerical values, since equal graphs may look different.
     everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
     draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
     labels = _labels(phase, "x", system.x)
-    alike = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
-    for i, c in np.argwhere(alike.all(axis=0)).tolist():
+    equal = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
+    for i, c in np.argwhere(equal.all(axis=0)).tolist():
         label = labels[i]
         for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
             if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
@@ -139,9 +139,9 @@ def _end_against_limit(
 
 
 def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
-    """Yield limits on expressions of the state that the start or the end breaks, where those fix the whole state.
+    """Yield messages for ends that violate a limit on an expression of the state, where the end fixes the whole state.
 
-    A problem with free parameters is not judged: another value may move the end inside.
+    A problem with free parameters is skipped: other values may satisfy the limit.
     """
     system = phase.system
     if any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to):
@@ -175,7 +175,7 @@ def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
 
 
 def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[list[float]]) -> Iterator[str]:
-    """Yield which rate, limit or cost is not finite on the guess, where, and on which states it depends."""
+    """Yield messages for rates, limits or costs that are not finite on the initial guess."""
     for phase, guess, numbers in zip(_phases(problem), guesses, values, strict=True):
         system = phase.system
         expressions = [system.rate, *(c.expression for c in phase.subject_to), phase.minimise.running]

@@ -28,7 +28,7 @@ def solve(
     guess: GuessLike | Several[Any] | None = None,
     values: Mapping[str, float] | None = None,
 ) -> AnySolution:
-    """Solve a problem by direct collocation; a solution comes back whatever happens.
+    """Solve a problem by direct collocation and return a solution, also if the solve fails.
 
     Constraints are rows of the NLP at the nodes. Where the motion exceeds a nonlinear limit of states, such as an
     obstacle, between them, the grid is refined there and the problem solved again; the message says so.
@@ -40,7 +40,7 @@ def solve(
         solver: settings, default Ipopt().
         guess: a Guess, a solution of the same system (on any grid) or its file, or a ladder of rungs; None for the
             default ladder: a smooth motion, the straight line, a coarse grid, wider limits, until one is solved.
-        values: of parameters, by name; nominal where silent.
+        values: of parameters, by name; nominal for the others.
 
     Returns:
         Solution of a Problem, SequenceSolution of a Sequence; `rung` says which guess led to it.
@@ -50,9 +50,9 @@ def solve(
     """
     prepared = prepare(problem, scheme, grid, solver, guess, values)
     begun = time.perf_counter()
-    doubts = warnings_before(problem, prepared.numbers(values))
+    warnings = warnings_before(problem, prepared.numbers(values))
     prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
-    if doubts and guess is None:
-        guess = (Smooth(), StraightLine())  # long searches are not for motions that are probably impossible
+    if warnings and guess is None:
+        guess = (Smooth(), StraightLine())  # no long search for a motion that is probably impossible
     result = held_between_nodes(prepared(guess, values), problem, scheme, solver, values)
-    return replace(result, message=f"{result.message}; but {'; '.join(doubts)}") if doubts and result.ok else result
+    return replace(result, message=f"{result.message}; but {'; '.join(warnings)}") if warnings and result.ok else result

@@ -1,4 +1,4 @@
-"""Continuation: the multipliers of a solution become a start for the same problem on another grid or scheme."""
+"""Warm start: multipliers of a solution converted to another grid or scheme."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ocp.transcription.nlp import Nlp
 def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
     """Return multipliers of the bounds (nz,) and of the rows (ng,) of an NLP, from a solution of its problem.
 
-    Costates are interpolated to the collocation points. Multipliers of limits are densities in time: each element
-    gives what it carries to the elements of the other grid by the share of time that they have in common. Rows of
-    limits on expressions start at zero unless grid and scheme are the same.
+    Costates are interpolated to the collocation points. Multipliers of bounds are integrals over an
+    element; they are distributed over the new elements in proportion to the overlap in time. Multipliers of
+    constrained expressions start at zero unless grid and scheme are the same.
 
     Args:
-        NLP: to be solved.
+        nlp: to be solved.
         solution: of the same problem, on any grid, with any scheme.
     """
     layout, scaling, scheme, grid = nlp.layout, nlp.scaling, nlp.scheme, nlp.grid
@@ -25,12 +25,13 @@ def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
     inside = np.append(np.clip(scheme.points, 1e-9, 1.0 - 1e-9), 1.0 - 1e-9)
     shares = grid.ends[:-1, None] + grid.widths[:, None] * inside
     costates = solution.costate((shares * solution.duration).ravel()).reshape(*shares.shape, -1)
-    # rate^T mu = -weight lambda at the points; a row without rates (x at the end) has the costate at the end.
+    # At the points rate^T y = -weight lambda, with the multipliers y of the defects; the costate at the end belongs to
+    # rows without rates, which define the state there.
     loads = -scheme.weights[:, None] * costates[:, :-1] * scaling.x
-    mu = np.einsum("ij,kja->kia", np.linalg.pinv(scheme.rate.T), loads)
+    y = np.einsum("ij,kja->kia", np.linalg.pinv(scheme.rate.T), loads)
     without_rates = ~scheme.rate.any(axis=1)
-    mu[:, without_rates] = -costates[:, -1:] * scaling.x
-    rows[nlp.defects] = mu
+    y[:, without_rates] = -costates[:, -1:] * scaling.x
+    rows[nlp.defects] = y
     held = solution.multipliers
     if held is None:
         return limits, rows

@@ -1,4 +1,4 @@
-"""Assembly: small derivatives of local functions become the sparse ones of an NLP."""
+"""Sparse derivatives of an NLP, assembled from the small derivatives of functions that are repeated over the grid."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ocp.numerics.compilation import Compilation, Compile
 
 @dataclass(frozen=True, eq=False)
 class Local:
-    """A function of few unknowns w that stands at many places: rows and cost = linear w + sum_j outer_j v(inner_j w).
+    """A function of few unknowns w, repeated over the grid: rows and cost = linear w + sum_j outer_j v(inner_j w).
 
-    Only v is differentiated, however often it stands in the sum.
+    Only v is differentiated, once for all terms of the sum.
 
     Args:
         values: (nv,) expressions v.
         arguments: (ny,) symbols of v.
         inputs: symbols of parameters, after the arguments.
-        linear: (m + 1, nw) constant part; the first m results are rows of g, the last one is added to the cost.
-        terms: outer (m + 1, nv) and inner (ny, nw) matrix of every term.
-        places: (nw, copies) of w among the unknowns of the NLP, each once in a copy.
+        linear: (m + 1, nw) matrix; the first m results are rows of g, the last one is added to the cost.
+        terms: matrices outer_j (m + 1, nv) and inner_j (ny, nw).
+        unknowns: (nw, copies) indices of w among the unknowns of the NLP, for each copy.
     """
 
     values: ca.SX
@@ -32,7 +32,7 @@ class Local:
     inputs: tuple[ca.SX, ...]
     linear: Array
     terms: Sequence[tuple[Array, Array]]
-    places: Array
+    unknowns: Array
 
     @property
     def rows(self) -> int:
@@ -41,23 +41,23 @@ class Local:
 
     @property
     def copies(self) -> int:
-        """At how many places the function stands."""
-        return int(self.places.shape[1])
+        """Number of copies on the grid."""
+        return int(self.unknowns.shape[1])
 
     def derived(self) -> Derived:
-        """Return results, slopes and curvature as expressions in w."""
-        w, lam = ca.SX.sym("w", len(self.places)), ca.SX.sym("lam", len(self.linear))
+        """Return results, Jacobian and Hessian as expressions in w."""
+        w, lam = ca.SX.sym("w", len(self.unknowns)), ca.SX.sym("lam", len(self.linear))
         if self.values.is_zero():
             constant = _sparse(self.linear)
-            none = ca.SX(len(self.places), len(self.places))
-            return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), none)
-        mu = ca.SX.sym("mu", self.values.numel())
-        curvature = ca.hessian(ca.dot(mu, self.values), self.arguments)[0]
+            zero = ca.SX(len(self.unknowns), len(self.unknowns))
+            return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), zero)
+        weights = ca.SX.sym("weights", self.values.numel())
+        curvature = ca.hessian(ca.dot(weights, self.values), self.arguments)[0]
         given = [self.arguments, *self.inputs]
         first = ca.Function("v", given, ca.cse([self.values, ca.jacobian(self.values, self.arguments)]))
-        second = ca.Function("h", [*given, mu], ca.cse([curvature]))
+        second = ca.Function("h", [*given, weights], ca.cse([curvature]))
         linear = _sparse(self.linear)
-        results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.places), len(self.places))
+        results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.unknowns), len(self.unknowns))
         for outer, inner in ((_sparse(one), _sparse(other)) for one, other in self.terms):
             value, slope = first(inner @ w, *self.inputs)
             results += outer @ value
@@ -70,10 +70,10 @@ class Local:
         """Whether it has neither rows nor a cost."""
         return not self.rows and self.values.is_zero() and not self.linear.any()
 
-    def everywhere(self, pattern: ca.Sparsity) -> tuple[Array, Array]:
-        """Return the numbers of rows and the places of columns of the entries of a local matrix, for all copies."""
+    def triplets(self, pattern: ca.Sparsity) -> tuple[Array, Array]:
+        """Return row and column indices in the NLP of the entries of a local matrix, for all copies."""
         row, column = (np.array(part, dtype=np.int64) for part in pattern.get_triplet())
-        return (row + pattern.size1() * np.arange(self.copies)[:, None]).ravel(), self.places[column].T.ravel()
+        return (row + pattern.size1() * np.arange(self.copies)[:, None]).ravel(), self.unknowns[column].T.ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +87,9 @@ class Derived:
     upper: ca.SX  # (nw, nw) upper triangle of the Hessian of lam . results, sparse
 
     def functions(self, inputs: tuple[ca.SX, ...], number: int) -> dict[str, ca.Function]:
-        """Return those that an NLP calls, of w and the inputs; none for what is not there.
+        """Return the functions of w and the inputs that an NLP calls; parts that are empty are left out.
 
-        IPOPT asks for cost and rows one by one, so they and their slopes are functions of their own.
+        IPOPT evaluates cost, rows and their Jacobians separately, so each is a function of its own.
         """
         given, rows, cost = [self.w, *inputs], self.results[:-1], self.results[-1]
         slope, steepest = _nonzeros(self.slopes[:-1, :]), _nonzeros(self.slopes[-1, :])
@@ -106,13 +106,13 @@ class Derived:
 def assemble(
     blocks: Sequence[tuple[Local, Sequence[ca.MX]]], z: ca.MX, s: ca.MX, translate: Compile | None = None
 ) -> tuple[dict[str, ca.MX], dict[str, ca.Function], Compilation | None]:
-    """Return cost, rows and their derivative functions of an NLP made of local functions.
+    """Return an NLP made of local functions: cost, rows, and the functions of their derivatives.
 
     Args:
         blocks: local functions in the order of their rows, each with its inputs (one column for each copy).
         z: (nz,) unknowns.
         s: parameters of the NLP.
-        translate: makes compiled functions of those that stand at more than one place; its answer is returned as well.
+        translate: compiles the functions that have more than one copy; its result is returned as well.
     """
     blocks = [(local, inputs) for local, inputs in blocks if not local.empty]
     starts = np.cumsum([0, *(local.rows * local.copies for local, _ in blocks)]).tolist()
@@ -133,23 +133,23 @@ def assemble(
             functions[k][part] = function
     for k, (local, inputs) in enumerate(blocks):
         here, mapped = derived[k], {part: function.map(local.copies) for part, function in functions[k].items()}
-        at = [ca.reshape(z[local.places.T.ravel().tolist()], *local.places.shape), *inputs]
+        at = [ca.reshape(z[local.unknowns.T.ravel().tolist()], *local.unknowns.shape), *inputs]
         if "rows" in mapped:
             value, nonzeros = mapped["slopes"](*at)
             g.append(ca.vec(mapped["rows"](*at)))
             g_again.append(ca.vec(value))
-            row, column = local.everywhere(here.slopes[:-1, :].sparsity())
+            row, column = local.triplets(here.slopes[:-1, :].sparsity())
             jacobian.append((starts[k] + row, column, ca.vec(nonzeros)))
         if "cost" in mapped:
             value, nonzeros = mapped["gradient"](*at)
             f += ca.sum2(mapped["cost"](*at))
             f_again += ca.sum2(value)
-            row, column = local.everywhere(here.slopes[-1, :].sparsity())
+            row, column = local.triplets(here.slopes[-1, :].sparsity())
             gradient.append((column, np.zeros_like(row), ca.vec(nonzeros)))
         if "curvature" in mapped:
             lam = ca.vertcat(ca.reshape(multipliers[k], local.rows, local.copies), ca.repmat(lam_f, 1, local.copies))
             nonzeros = mapped["curvature"](*at, lam)
-            one, other = (local.places[list(part)].T.ravel() for part in here.upper.sparsity().get_triplet())
+            one, other = (local.unknowns[list(part)].T.ravel() for part in here.upper.sparsity().get_triplet())
             hessian.append((np.minimum(one, other), np.maximum(one, other), ca.vec(nonzeros)))
     g_slopes = [ca.vertcat(*g_again), sparse_matrix(jacobian, (count, size))]
     f_slopes = [f_again, ca.densify(sparse_matrix(gradient, (size, 1)))]
@@ -173,29 +173,29 @@ def _sparse(matrix: Array) -> ca.DM:
     return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(matrix[row, column].tolist()), *matrix.shape)
 
 
-Entries = tuple[Array, Array, ca.MX]  # rows, columns and values (k,) of entries of a large matrix
+Entries = tuple[Array, Array, ca.MX]  # row indices, column indices and values (k,) of a sparse matrix
 
 
 def sparse_matrix(parts: Sequence[Entries], shape: tuple[int, int]) -> ca.MX:
-    """Return the sparse matrix with the given entries; several at one place are added.
+    """Return the sparse matrix with the given entries; entries with the same indices are added.
 
     Args:
         parts: rows, columns and values, in any order.
         shape: of the matrix.
     """
-    none = np.zeros(0, dtype=np.int64)
-    rows, columns = (np.concatenate([none, *(part[i] for part in parts)]) for i in (0, 1))
+    empty = np.zeros(0, dtype=np.int64)
+    rows, columns = (np.concatenate([empty, *(part[i] for part in parts)]) for i in (0, 1))
     values = ca.vertcat(ca.MX(0, 1), *(part[2] for part in parts))
     keys = columns * shape[0] + rows
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     first = np.diff(keys, prepend=-1) != 0
-    places = keys[first]
-    starts = np.searchsorted(places, shape[0] * np.arange(shape[1] + 1))
-    pattern = ca.Sparsity(*shape, starts.tolist(), (places % shape[0]).tolist())
+    filled = keys[first]
+    starts = np.searchsorted(filled, shape[0] * np.arange(shape[1] + 1))
+    pattern = ca.Sparsity(*shape, starts.tolist(), (filled % shape[0]).tolist())
     nonzeros = values[order[first].tolist()]
     if not first.all():
         more, at = order[~first], np.cumsum(first)[~first] - 1
-        add = ca.Sparsity.triplet(len(places), len(more), at.tolist(), list(range(len(more))))
+        add = ca.Sparsity.triplet(len(filled), len(more), at.tolist(), list(range(len(more))))
         nonzeros += ca.DM(add, 1.0) @ values[more.tolist()]
     return ca.MX(pattern, nonzeros)

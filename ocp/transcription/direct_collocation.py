@@ -1,8 +1,8 @@
 """Direct collocation: a problem on a grid becomes a sparse NLP with its derivatives.
 
-One function stands for an element (defects, path constraints, running cost), one for both ends of the motion. Each is
-differentiated once (SX, cse), mapped and scattered into the large sparse matrices: the symbolic work does not depend
-on the grid.
+One local function describes an element (defects, path constraints, running cost), one both ends of the motion. Each is
+differentiated once, mapped over the grid and scattered into the large sparse matrices: the symbolic work does not
+depend on the number of elements.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def transcribe(
         problem: what to solve.
         scheme: from radau, legendre, lobatto.
         grid: of [0, 1].
-        scaling: magnitudes of the unknowns.
+        scaling: of unknowns, cost and rows.
         arc_layout: arcs with durations of their own (the horizon must be Free); None for one arc.
         translate: makes compiled functions of those of an element; None for none.
     """
@@ -46,7 +46,7 @@ def transcribe(
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else arc_layout.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
-    tau = tuple(_path_places(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
+    tau = tuple(_path_points(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
     element = _element(problem, scheme, layout, symbols, path_parts, tau, arc_layout.arc)
@@ -91,7 +91,7 @@ def transcribe(
 
 @dataclass(frozen=True, eq=False)
 class _Symbols:
-    """Symbols that all places share: unknowns of the whole motion, and parameters."""
+    """Symbols that all points share: unknowns of the whole motion, and parameters."""
 
     shared: ca.SX  # duration (if it is an unknown) and free parameters, scaled
     p: ca.SX  # (np,) parameters
@@ -101,7 +101,7 @@ class _Symbols:
     scaling: Scaling
 
     def physical(self, x: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return state, control and parameters from the scaled state and control of a place."""
+        """Return physical state, control and parameters from the scaled state and control of one point."""
         return x * self.scaling.x, u * self.scaling.u, self.parameters
 
 
@@ -120,7 +120,7 @@ def _element(
     problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols,
     parts: tuple[tuple[int, int], ...], tau: tuple[list[float], ...], arc: Array,
 ) -> Local:  # fmt: skip
-    """Return the function of an element: defects point by point, every path constraint at its places, and the cost."""
+    """Return the function of an element: defects, every path constraint at its points, and the running cost."""
     system, (n, m, nx), (c, nu) = problem.system, layout.state.shape, layout.control.shape[1:]
     path = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k in parts))
     inside = ca.Function("f", [system.x, system.u, system.p], [system.rate, problem.minimise.running, path])
@@ -151,7 +151,7 @@ def _element(
 
 
 def _places(layout: Layout, elements: Array, arc: Array) -> Array:
-    """Return the places (nw, e) of states, controls, duration and free parameters of elements."""
+    """Return the indices (nw, e) of states, controls, duration and free parameters of elements."""
     e = len(elements)
     durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
     states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
@@ -247,11 +247,11 @@ def _diagonal(*blocks: Array) -> Array:
     return whole
 
 
-def _path_places(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
-    """Return where a path constraint holds on an element: at its collocation points and at its ends.
+def _path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
+    """Return the points of an element at which a path constraint is a row: the collocation points and the ends.
 
-    A limit on the state alone is the same on both sides of an end, so the left one is left out; a constant control
-    jumps there, so both sides count; a collocated one is not extrapolated to an end without a point.
+    A constraint on the state alone has the same value on both sides of an end, so the left end is left out; a constant
+    control jumps there, so both ends count; a collocated one is not extrapolated to an end that is no point.
     """
     points = scheme.points.tolist()
     jumps = ca.depends_on(expression, u) and scheme.control is not Control.LINEAR
@@ -272,7 +272,7 @@ def free_parameters(problem: Problem) -> Array:
 
 
 def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
-    """Return the components of constraints that need rows: those that are no bounds of single unknowns."""
+    """Return the components of constraints that need rows: those that are not bounds of single unknowns."""
     system = problem.system
     path: list[tuple[int, int]] = []
     ends: list[tuple[int, int, Where]] = []
@@ -287,7 +287,7 @@ def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...
                 continue
             path.append((i, c))
             free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
-            if not free and 0.0 not in _path_places(scheme, constraint.expression[c], system.u):
+            if not free and 0.0 not in _path_points(scheme, constraint.expression[c], system.u):
                 # The left ends of elements are left out, and with them the start of the motion.
                 ends.append((i, c, Where.START))
     return tuple(path), tuple(ends)

@@ -18,7 +18,7 @@ class Grid:
         ends: (N + 1,) strictly increasing shares of the horizon, first 0, last 1.
 
     Raises:
-        ValueError: not a grid of [0, 1]; the message names the first place that is wrong.
+        ValueError: not a grid of [0, 1]; the message names the first wrong end.
     """
 
     ends: np.ndarray
@@ -26,8 +26,7 @@ class Grid:
     def __post_init__(self) -> None:
         given = checks.real(self.ends)
         if given is None:
-            told = checks.shown(self.ends)
-            raise ValueError(f"Grid: got {told}, expected increasing numbers from 0 to 1")
+            raise ValueError(f"Grid: got {checks.shown(self.ends)}, expected increasing numbers from 0 to 1")
         ends = given.copy()
         if ends.ndim != 1 or len(ends) < 2:
             raise ValueError(f"Grid: got shape {ends.shape}, expected at least the two numbers 0 and 1")
@@ -35,7 +34,7 @@ class Grid:
             raise ValueError(f"Grid: runs from {ends[0]} to {ends[-1]}, expected 0 to 1 exactly")
         if not np.all(np.diff(ends) > 0.0):
             k = int(np.argmin(np.diff(ends) > 0.0))
-            raise ValueError(f"Grid: not increasing at place {k + 1}: {ends[k]} is followed by {ends[k + 1]}")
+            raise ValueError(f"Grid: not increasing at index {k + 1}: {ends[k]} is followed by {ends[k + 1]}")
         ends.flags.writeable = False
         object.__setattr__(self, "ends", ends)
 

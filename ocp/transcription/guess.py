@@ -40,7 +40,7 @@ class Guess:
             raise checks.refused("Guess: share", self.share, "increasing numbers from 0 to 1")
         object.__setattr__(self, "share", share.copy())
         for name in ("x", "u"):
-            table = checks.real(getattr(self, name))  # a guess that is not finite is told by the solve
+            table = checks.real(getattr(self, name))  # the solve reports a guess that is not finite
             if table is None:
                 raise checks.refused(f"Guess: {name}", getattr(self, name), "numbers, one row for each share")
             object.__setattr__(self, name, table.copy())
@@ -48,7 +48,7 @@ class Guess:
             if len(rows) != 2 or rows[0] != len(share):
                 raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
         checks.number("Guess: duration", self.duration, "a finite number of seconds >= 0", at_least=0.0)
-        free = checks.places("Guess: free", self.free, "values of the free parameters, none for their nominal ones")
+        free = checks.places("Guess: free", self.free, "values of the free parameters, or no numbers at all")
         object.__setattr__(self, "free", free)
 
     def state(self, share: Array) -> Array:
@@ -62,6 +62,6 @@ class Guess:
         return _interpolate(share, self.share, self.u)
 
 
-def _interpolate(share: Array, places_: Array, values: Array) -> Array:
-    columns = [np.interp(share, places_, column) for column in values.T]
+def _interpolate(share: Array, known: Array, values: Array) -> Array:
+    columns = [np.interp(share, known, column) for column in values.T]
     return np.stack(columns, axis=-1) if columns else np.zeros((*np.shape(share), 0))

@@ -1,4 +1,4 @@
-"""Where the unknowns and the rows of a transcribed problem stand."""
+"""Indices of the unknowns of a transcribed problem."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of the unknowns in z, element by element, then the durations and the free parameters."""
+    """Indices of the unknowns in z: states and controls element by element, the durations, the free parameters."""
 
-    state: Array  # (N, m, nx) place of every state unknown; ends of elements are shared
-    control: Array  # (N, c, nu) place of every control unknown; shared at the ends for linear control
-    horizon: Array  # (A,) places of the durations of the arcs, one as a rule; (0,) if the duration is fixed
-    free: Array  # (nf,) places of the free parameters
+    state: Array  # (N, m, nx) of the state unknowns; the end of an element is the start of the next
+    control: Array  # (N, c, nu) of the control unknowns; linear controls share those at the ends
+    horizon: Array  # (A,) of the durations of the arcs (one without arcs); (0,) if the duration is fixed
+    free: Array  # (nf,) of the free parameters
     size: int
 
 

@@ -1,4 +1,4 @@
-"""A transcribed problem: its sparse NLP, and the way between scaled unknowns and motions."""
+"""A transcribed problem: its sparse NLP, the meaning of its rows, and its bounds."""
 
 from __future__ import annotations
 

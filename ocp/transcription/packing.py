@@ -1,4 +1,4 @@
-"""Between motions in physical units and the scaled unknowns and multipliers of the NLP."""
+"""Conversion between motions in physical units and the scaled unknowns and multipliers of the NLP."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ocp.transcription.nlp import Nlp
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """Multipliers of the limits, -d cost / d limit: > 0 at an upper limit, < 0 at a lower one, zero away from both.
+    """Multipliers of bounds and constraints, -d cost / d bound: > 0 at an upper bound, < 0 at a lower one, else 0.
 
-    Those of shared unknowns (ends of elements) stand on both sides.
+    Unknowns that two elements share have the same multiplier in both.
     """
 
     x: Array  # (N, m, nx) of the state unknowns [cost / unit of the state]
     u: Array  # (N, c, nu) of the control unknowns [cost / unit of the control]
-    path: Array  # (N, l) of the limited expressions that are no unknowns, on every element, one after the other
-    ends: Array  # (nb,) of the conditions at both ends that are no limits of unknowns
+    path: Array  # (N, l) of the constrained expressions, element by element
+    ends: Array  # (nb,) of the conditions at both ends that are not bounds of single unknowns
 
 
 def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
@@ -33,7 +33,7 @@ def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
     z = np.zeros(layout.size)
     starts, widths = grid.ends[:-1, None], grid.widths[:, None]
     z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
-    # A constant control stands for the middle of its element, not for its start.
+    # A constant control takes the value of the guess in the middle of its element.
     places = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
     z[layout.control] = guess.control(starts + widths * places) / scaling.u
     z[layout.horizon] = guess.duration / scaling.horizon
@@ -44,7 +44,7 @@ def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What scaled unknowns and multipliers stand for, in physical units."""
+    """Scaled unknowns and multipliers converted to a motion in physical units."""
 
     duration: float  # [s]
     states: Array  # (N, m, nx)
@@ -57,7 +57,7 @@ class Motion:
 
 
 def unpack(nlp: Nlp, z: Array, multipliers: Array, limits: Array, values: list[float]) -> Motion:
-    """Return the motion that scaled unknowns (nz,), multipliers of the rows (ng,) and of bounds (nz,) stand for."""
+    """Return the motion given by scaled unknowns (nz,), multipliers of the rows (ng,) and of the bounds (nz,)."""
     layout, scaling, problem, scheme = nlp.layout, nlp.scaling, nlp.problem, nlp.scheme
     system = problem.system
     if isinstance(problem.horizon, Fixed):
@@ -76,9 +76,9 @@ def unpack(nlp: Nlp, z: Array, multipliers: Array, limits: Array, values: list[f
         parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
         widths = duration * nlp.grid.widths
         slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
-    # The rate F_j enters the Lagrangian with -sum_i rate_ij mu_i; a quadrature weight b_j makes it the costate.
-    mu = multipliers[nlp.defects]
-    costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
+    # The rate F_j enters the Lagrangian with -sum_i rate_ij lam_i; divided by the weight b_j that is the costate.
+    of_defects = multipliers[nlp.defects]
+    costates = -np.einsum("ij,kia->kja", scheme.rate, of_defects) / scheme.weights[:, None] / scaling.x
     path = np.hstack([multipliers[rows] for rows in (np.zeros((len(states), 0), dtype=int), *nlp.path)])
     held = Multipliers(
         limits[layout.state] / scaling.x, limits[layout.control] / scaling.u, path, multipliers[nlp.ends]

@@ -1,4 +1,4 @@
-"""Magnitudes of unknowns, cost and limits, taken from limits, ranges and the guess of the motion."""
+"""Scales of the unknowns, the cost and the constraint rows, from bounds, ranges and the initial guess."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from ocp.problem.problem import Problem
 from ocp.system import slopes as slopes_of
 from ocp.transcription.guess import Guess
 
-NEGLIGIBLE = 1e-14  # share of the largest size below which a size is rounding
-COST = 8.0  # the cost of a guess in the NLP, so that the first barrier, 0.1, is about a hundredth of it
-OFFSET, STILL = 1e-5, 1e-12  # share of its value that a moving state is resolved to, and below which it rests
-IDLE = 1e3  # a limit that many times beyond what the guess reaches says nothing about size
-LEAST_COST = 1e-3  # share of the cost with states and controls at their sizes that the cost of a guess counts for
+NEGLIGIBLE = 1e-14  # a scale below this share of the largest one is rounding error
+COST = 8.0  # scaled cost of the initial guess: IPOPT's first barrier parameter, 0.1, is then about 1/100 of it
+OFFSET = 1e-5  # smallest scale of a changing state, relative to its value
+STILL = 1e-12  # a state whose range is below this share of its value counts as constant
+IDLE = 1e3  # a bound that is larger than the range of the guess by more than this factor does not set the scale
+LEAST_COST = 1e-3  # smallest scale of the cost, relative to the cost with states and controls at their scales
 
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Unknowns, cost and rows of the NLP are physical ones divided by these.
+    """Scales by which physical unknowns, cost and constraint rows are divided to give those of the NLP.
 
     All are powers of two, so that bounds stay exact.
     """
@@ -34,18 +35,18 @@ class Scaling:
     horizon: float  # [s]
     free: Array  # (nf,) free parameters
     cost: float = 1.0
-    limits: tuple[Array, ...] = ()  # of the components of every constraint; empty for ones
+    limits: tuple[Array, ...] = ()  # of the components of every constraint; empty: all are 1
 
     def of_constraint(self, constraint: int, component: int) -> float:
-        """Return the magnitude of a limited expression."""
+        """Return the scale of one component of a constraint."""
         return float(self.limits[constraint][component]) if self.limits else 1.0
 
 
 def table(scaling: Scaling, problem: Problem) -> str:
-    """Return the magnitudes in physical units, one line for each unknown.
+    """Return the scales in physical units as a table with one line for each unknown.
 
     Args:
-        scaling: of an NLP, such as `prepared.compound.NLPs[0].scaling`.
+        scaling: of an NLP, such as `prepared.joined.nlps[0].scaling`.
         problem: that it belongs to.
     """
     system = problem.system
@@ -65,10 +66,11 @@ def unscaled(problem: Problem, free: int) -> Scaling:
 def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: Array) -> Scaling:
     """Return the scaling of a problem.
 
-    A control is scaled by its limit; a state by the largest of its limits, its range in the guess and, where neither
-    speaks, what its rate builds up in a quarter of the guessed duration with the controls at their limits. A limit
-    far beyond all that the guess needs is none. The cost is scaled by that of the guess, a limited expression by its
-    limit and by what states and controls make of it. So the NLP is the same in every system of units.
+    A control is scaled by its bound; a state by its bound or its range in the guess or, without either, by the change
+    that its rate causes within a quarter of the guessed duration with the controls at their bounds. A bound more than
+    1000 times larger than the guess needs is ignored. The cost is scaled by that of the guess, a constrained
+    expression by its bound and by its largest value for states and controls at their scales. The scaled NLP is
+    therefore the same in every system of units.
 
     Args:
         problem: the problem.
@@ -77,8 +79,8 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
         free: (nf,) numbers of the parameters that are unknowns.
     """
     system = problem.system
-    # A motion that is small beside the values of its states is resolved as far as rounding allows; one at rest has
-    # no size but its place.
+    # A motion that is small compared with the values of its states is resolved as far as rounding allows; a constant
+    # state is scaled by its value.
     ranges, value = (np.max(np.abs(x), axis=0, initial=0.0) for x in (guess.x - guess.x[0], guess.x))
     travelled = np.where(ranges > STILL * value, np.maximum(ranges, OFFSET * value), value)
     limited = largest_bound(problem, system.x)
@@ -86,7 +88,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     function = slopes_of(system)
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     places = guess.x[:: max(1, len(guess.x) // 4)]
-    # A guess may keep a state still by terms that cancel; slightly other states show what its rate is made of.
+    # In the guess, terms of a rate may cancel; slightly different states show how large they are.
     places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
     nu, count = system.u.numel(), len(places)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
@@ -97,9 +99,11 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     units = [label.unit for label in system.label("x", len(limited))]
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
     guessed = np.max(np.abs(guess.u), axis=0, initial=0.0)
-    used = _control_size(guessed, needed, slopes)
+    used = _control_scale(guessed, needed, slopes)
     used = _without_rounding(used, [label.unit for label in system.label("u", len(used))])
-    most = np.maximum(guessed, _control_size(0.0 * guessed, largest_of_unit(travelled, units) / guess.duration, slopes))
+    most = np.maximum(
+        guessed, _control_scale(0.0 * guessed, largest_of_unit(travelled, units) / guess.duration, slopes)
+    )
     u = largest_bound(problem, system.u)
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
     u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
@@ -113,13 +117,13 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     parameters = np.abs([values[i] for i in free]) if len(free) else np.ones(0)
     return Scaling(
         _power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters),
-        float(_power_of_two(_cost_size(problem, guess, p, (x, u)) / COST)),
-        tuple(_power_of_two(_limit_sizes(problem, c, guess, p, (x, u))) for c in problem.subject_to),
+        float(_power_of_two(_cost_scale(problem, guess, p, (x, u)) / COST)),
+        tuple(_power_of_two(_constraint_scales(problem, c, guess, p, (x, u))) for c in problem.subject_to),
     )  # fmt: skip
 
 
 def common(scalings: Sequence[Scaling]) -> list[Scaling]:
-    """Return the scalings of phases with one size for the sum of their costs."""
+    """Return the scalings of phases with one common scale for the sum of their costs."""
     cost = float(_power_of_two(sum(scaling.cost for scaling in scalings)))
     return [replace(scaling, cost=cost) for scaling in scalings]
 
@@ -127,12 +131,12 @@ def common(scalings: Sequence[Scaling]) -> list[Scaling]:
 def expression_scales(
     expression: ca.SX, problem: Problem, guess: Guess, values: Sequence[float], scaling: Scaling
 ) -> Array:
-    """Return the magnitudes (m,) of an expression by those of the states and controls that it depends on."""
-    return _power_of_two(_reach(expression, problem, guess, ca.DM(list(values)), (scaling.x, scaling.u)))
+    """Return the scales (m,) of an expression from those of the states and controls that it depends on."""
+    return _power_of_two(_largest_change(expression, problem, guess, ca.DM(list(values)), (scaling.x, scaling.u)))
 
 
-def _reach(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> Array:
-    """Return how far an expression goes along a guess when states and controls go as far as they do."""
+def _largest_change(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> Array:
+    """Return the largest change (m,) of an expression along a guess, to first order, by one scale of all x and u."""
     system = problem.system
     xu = ca.vertcat(system.x, system.u)
     slope = ca.densify(ca.jacobian(ca.vec(expression), xu))
@@ -148,8 +152,8 @@ def _largest(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM) -> Arr
     return np.asarray(np.max(result, axis=1, initial=0.0))
 
 
-def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> float:
-    """Return the sum of the magnitudes of the parts of the cost, along the guess or with everything at its size."""
+def _cost_scale(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> float:
+    """Return the sum of the absolute parts of the cost, along the guess or with states and controls at their scales."""
     minimise = problem.minimise
     timed = abs(minimise.time) * guess.duration
 
@@ -165,30 +169,30 @@ def _cost_size(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Ar
     return timed + max(of(guess), LEAST_COST * of(wide))
 
 
-def _limit_sizes(
+def _constraint_scales(
     problem: Problem, constraint: Constraint, guess: Guess, p: ca.DM, corner: tuple[Array, Array]
 ) -> Array:
-    """Return the magnitudes of the components of a constraint."""
+    """Return the scales of the components of a constraint."""
     sides = np.abs(np.stack([constraint.lower, constraint.upper]))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
     system = problem.system
     if len(simple(constraint, ca.vertcat(system.x, system.u, system.p))) == len(limit):
         return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
-    seen = _reach(constraint.expression, problem, guess, p, corner)
+    seen = _largest_change(constraint.expression, problem, guess, p, corner)
     return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))
 
 
 def _without_rounding(reached: Array, units: list[str]) -> Array:
-    """Replace sizes that are rounding beside the others by the largest with the same unit, or by one."""
+    """Replace scales that are rounding errors by the largest one with the same unit, or by one."""
     least = NEGLIGIBLE * np.max(reached, initial=0.0)
     same = largest_of_unit(reached, units)
     return np.where(reached > least, reached, np.where(same > least, same, 1.0))
 
 
-def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
-    """Return the size of controls without limits: as guessed, or what moves the states through their ranges in time.
+def _control_scale(guessed: Array, needed: Array, slopes: Array) -> Array:
+    """Return the scales (nu,) of controls without bounds: as guessed, or what moves the states through their ranges.
 
-    A guess at rest needs no control, and then what it has is rounding and no magnitude.
+    The controls of a guess at rest are rounding errors and cannot serve as a scale.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         moving = needed[None, :, None] / slopes
@@ -199,7 +203,7 @@ def _control_size(guessed: Array, needed: Array, slopes: Array) -> Array:
 
 
 def largest_bound(problem: Problem, symbols: ca.SX) -> Array:
-    """Return the largest finite limit along the motion of each symbol; inf where there is none."""
+    """Return the largest absolute finite bound of each symbol along the motion; inf without one."""
     sides = np.abs(np.stack(problem.limits(Where.ALONG, symbols)))
     sides[~np.isfinite(sides)] = 0.0
     largest = np.max(sides, axis=0)

@@ -269,7 +269,7 @@ def test_a_compiler_that_fails(cache, tmp_path, monkeypatch):
     set_compiler(monkeypatch, tmp_path, f"{version} echo 'x.c:3: error: no room left' >&2; exit 4")
     refused("failed with status 4: x.c:3: error: no room left")
     set_compiler(monkeypatch, tmp_path, f"{version} kill -9 $$")
-    refused("failed with status -9: without a word")
+    refused("failed with status -9: no message")
     set_compiler(monkeypatch, tmp_path, f"{version} exit 0")  # says that it is done, and makes nothing
     refused("No such file")
     set_compiler(monkeypatch, tmp_path, f"{version} exec sleep 60")

@@ -99,7 +99,7 @@ REFUSED = {
     # grids
     "uniform none": (lambda: uniform(0), r"uniform: got 0, expected a whole number of elements >= 1"),
     "uniform half": (lambda: uniform(2.5), r"uniform: got 2.5"),
-    "grid equal": (lambda: given([0, 0.5, 0.5, 1]), r"not increasing at place 2: 0.5 is followed by 0.5"),
+    "grid equal": (lambda: given([0, 0.5, 0.5, 1]), r"not increasing at index 2: 0.5 is followed by 0.5"),
     "grid short": (lambda: given([0, 0.9]), r"Grid: runs from 0.0 to 0.9, expected 0 to 1"),
     "grid late": (lambda: given([0.1, 1]), r"Grid: runs from 0.1 to 1.0, expected 0 to 1"),
     "grid nan": (lambda: given([0, nan, 1]), r"Grid: .*"),
@@ -126,7 +126,7 @@ REFUSED = {
     "guess duration": (lambda: solve(fastest, guess=guess(duration=-1.0)), r"[Gg]uess: duration .*-1"),
     # point_to_point
     "task signal": (lambda: point_to_point(axis, 0, 1, tau=1.0), r"no signal 'tau'; this system has q, v, u"),
-    "task magnitude": (lambda: point_to_point(axis, 0, 1, u=-1.0), r"u = -1.0, expected magnitudes >= 0 or a"),
+    "task magnitude": (lambda: point_to_point(axis, 0, 1, u=-1.0), r"u = -1.0, expected absolute values >= 0 or a"),
     "task word": (lambda: point_to_point(axis, 0, 1, u="a"), r"point_to_point: u"),
     "task limits": (lambda: point_to_point(axis, 0, 1, u=(1, 2, 3)), r"u has 3 components, expected 1"),
     "task crossed": (lambda: point_to_point(axis, 0, 1, u=(1, -1)), r"lower > upper"),
@@ -341,7 +341,7 @@ def test_scaling_is_by_powers_of_two_near_the_limits():
     assert made.horizon == 1.0
 
 
-def test_rounding_in_a_guess_is_no_magnitude():
+def test_rounding_in_a_guess_sets_no_scale():
     z = ca.SX.sym("z", 2)
     problem = Problem(System(z, u, none, ca.vertcat(u, 1e-17 * z[0])), Fixed(2.0), subject_to=(start(z, 0),))
     noisy = Guess(
@@ -354,7 +354,7 @@ def test_rounding_in_a_guess_is_no_magnitude():
 
 @pytest.mark.parametrize("limits", [(), (along(u, -900, 900),)], ids=["no limits", "limits"])
 def test_scaling_does_not_change_the_optimum(limits):
-    # At rest with nothing to balance: what the guess has as control is rounding, and no magnitude.
+    # At rest with nothing to balance: the controls of the guess are rounding errors and set no scale.
     integrator = System(y, u, none, u)
     problem = Problem(integrator, Fixed(2.0), Bolza(running=y**2 + u**2), (start(y, 1.4), *limits))
     scaled, plain = (solve(problem, grid=uniform(10), solver=Ipopt(scaled=scaled)) for scaled in (True, False))

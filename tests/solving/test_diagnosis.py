@@ -172,7 +172,7 @@ def test_a_grid_that_does_not_resolve_the_motion_is_told_with_its_drift() -> Non
 def test_the_drift_that_is_told_is_that_of_a_re_integration() -> None:
     system = arm()
     solution = solve(point_to_point(system, FROM, TO, q=WITHIN, tau=DRIVES), lobatto(2), uniform(100))
-    told = re.search(r"by about (\S+) of its size", solution.message)
+    told = re.search(r"by about (\S+) of its largest value", solution.message)
     assert told is not None
     largest = float(verify(solution).drift)
     assert 0.5 * largest < float(told[1]) < 2.0 * largest

@@ -12,15 +12,15 @@ from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.polynomials import lagrange_matrix, slope_matrix
 
-FARTHEST = 1e6  # place from which polynomials of an element are asked for
+FARTHEST = 1e6  # largest |tau| at which the polynomials of an element are evaluated
 
 
 class Control(Enum):
     """Shape of the control on one element; the interpolant that a Solution returns has the same shape."""
 
-    CONSTANT = "constant"  # one value for each element: limits hold everywhere
-    LINEAR = "linear"  # continuous, piecewise linear: limits hold everywhere
-    COLLOCATED = "collocated"  # a polynomial through the collocation points: limits hold at the points only
+    CONSTANT = "constant"  # one value for each element: bounds are satisfied everywhere
+    LINEAR = "linear"  # continuous, piecewise linear: bounds are satisfied everywhere
+    COLLOCATED = "collocated"  # a polynomial through the collocation points: bounds are satisfied at the points only
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Scheme:
 
     @property
     def control_nodes(self) -> Array:
-        """(c,) places of the control unknowns of one element."""
+        """(c,) points tau of the control unknowns of one element."""
         if self.control is Control.CONSTANT:
             return np.array([0.0])
         return np.array([0.0, 1.0]) if self.control is Control.LINEAR else self.points
@@ -73,7 +73,7 @@ class Scheme:
         matrix = np.zeros((len(tau), len(self.nodes) + int(self.slope_at_start)))
         matrix[:, list(self.basis)] = interpolation(nodes, tau)
         if self.slope_at_start:
-            # One degree more: c (tau - n_1) ... (tau - n_m) vanishes at the nodes, n_1 = 0, and mends the slope there.
+            # One degree more: c (tau - n_1) ... (tau - n_m) vanishes at the nodes and corrects the slope at n_1 = 0.
             at_start = slope_matrix(nodes, np.zeros(1))[0]
             products = np.prod(-nodes[1:])
             value = np.prod(tau[:, None] - nodes, axis=1)
