@@ -16,7 +16,6 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 from accuracy_bill import dymos as accuracy_dymos
 from accuracy_bill import integrators as simulated
@@ -29,6 +28,7 @@ from accuracy_bill.reference import reference
 from accuracy_bill.scene import FORMS, Scene, machine_scene, problem_scene
 from benchmarks import peers
 from benchmarks.problems import CASES
+from reports.output import add_output, output_folder
 
 from models.scenes.scene_template import TASKS
 from ocp import Control, polish
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         scenes = [problem_scene(name) for name in options.problem or ()]
         scenes = scenes or [machine_scene(options.machine, options.q0, options.q1, options.limit)]
-        options.output.mkdir(parents=True, exist_ok=True)
+        options.output = output_folder(options, "accuracy")
     except (ValueError, OSError) as error:
         parser.error(str(error))
     bills = [bill(scene, options) for scene in scenes]
@@ -64,7 +64,7 @@ def bill(scene: Scene, options: argparse.Namespace) -> dict[str, object]:
     """Measure one scene, write its files, print its tables, and return the account as plain data."""
     progress = Progress(_silent if options.quiet else sys.stderr.write)
     stem = f"accuracy_{scene.name}" if options.problem else "accuracy"
-    files = {kind: options.output / f"{stem}.{kind}" for kind in ("csv", "md", "png")}
+    files = {kind: options.output / f"{stem}.{kind}" for kind in ("csv", "md")}
     parts, halves = [f"# What accuracy costs: {scene.title}"], []
     account: dict[str, object] = {"scene": scene.title}
     if "simulation" in options.parts and scene.motion is not None:
@@ -102,7 +102,14 @@ def bill(scene: Scene, options: argparse.Namespace) -> dict[str, object]:
     text = "\n\n".join(parts)
     table.write(files["md"], text)
     if halves:
-        picture.write(files["png"], halves, f"What accuracy costs: {scene.title}")
+        for suffix in options.formats:
+            files[suffix] = options.output / f"{stem}.{suffix}"
+            picture.write(files[suffix], halves, f"What accuracy costs: {scene.title}")
+    if options.report:
+        from html_reports.accuracy_page import write_accuracy_report
+
+        files["report"] = options.output / f"{stem}.html"
+        write_accuracy_report(files["report"], scene.title, halves, text)
     progress("done")
     written = [os.fspath(path) for path in files.values() if path.exists()]
     if not options.json:
@@ -172,7 +179,8 @@ def command_line() -> argparse.ArgumentParser:
     add("--repeats", type=int, default=3, metavar="K", help="rounds (default: %(default)s)")
     add("--budget", type=float, default=95.0, metavar="S", help="nothing is repeated that would end later [s]")
     add("--limit-seconds", type=float, default=60.0, metavar="S", help="after which another tool is stopped")
-    add("--output", type=Path, default=Path("results"), metavar="DIR", help="for CSV, Markdown and PNG")
+    add_output(parser, "CSV, Markdown, pictures and report")
+    add("--report", action="store_true", help="write an HTML report with the curves to look into, too")
     add("--json", action="store_true", help="print the account as JSON")
     add("--quiet", action="store_true", help="show no progress")
     return parser

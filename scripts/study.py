@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import os
 import sys
@@ -12,8 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from reports import study_file
+from reports.output import add_output, output_folder, working
 
+from models import Scene
 from models.plots import studies
+from models.scenes.task import Task
 from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
 from ocp.studies.executors import KINDS, executor
@@ -34,15 +38,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.dry_run:
             print(plan(study, store))
             return 0
+        options.output = output_folder(options, options.study.stem)
         table = _run(study, options)
-    except (SceneError, StoreError, ImportError, ValueError, RuntimeError) as error:
+    except (SceneError, StoreError, ImportError, ValueError, RuntimeError, OSError) as error:
         print(f"study: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"study: interrupted; what is finished stands in {store}, the same command goes on", file=sys.stderr)
         return 130
     try:
-        files = _write(table, options, document.file, study_file.units(study))
+        files = _write(study, table, options, document.file)
     except (OSError, ImportError, ValueError) as error:
         print(f"study: {error}", file=sys.stderr)
         return 2 if isinstance(error, ValueError) else 1
@@ -72,7 +77,8 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--retry-failed", action="store_true", help="try failed cases again, with all first guesses")
     parser.add_argument("--export", type=Path, action="append", default=[], metavar="FILE", help=".csv or .parquet")
     parser.add_argument("--result", default="duration", metavar="NAME", help="column to draw first (default: duration)")
-    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="for pictures and CSV")
+    add_output(parser, "pictures, CSV and report")
+    parser.add_argument("--report", action="store_true", help="write an HTML report with the motion of every case, too")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--json", action="store_true", help="print the account as JSON")
     return parser
@@ -160,17 +166,31 @@ def _bar(total: int, shown: bool) -> Iterator[Callable[[Progress], None] | None]
         yield watch
 
 
-def _write(table: StudyTable, options: argparse.Namespace, name: str, units: dict[str, str]) -> list[Path]:
+def _write(study: Study, table: StudyTable, options: argparse.Namespace, name: str) -> list[Path]:
     if options.result not in table.results and any(table.ok):
         raise ValueError(f"--result: no column {options.result!r}; there are {', '.join(table.results)}")
-    options.output.mkdir(parents=True, exist_ok=True)
-    stem = Path(name).stem
+    stem, units = Path(name).stem, study_file.units(study)
     files = [options.output / f"{stem}.csv", *options.export]
     for path in files:
         (table.write_parquet if path.suffix == ".parquet" else table.write_csv)(path)
     if any(table.ok):
-        files += studies.draw(table, options.result, options.output / stem, units)
+        files += studies.draw(table, options.result, options.output / stem, units, options.formats)
+    if options.report:
+        from html_reports.study_page import write_study_report
+
+        files.append(options.output / f"{stem}.html")
+        with working("writing the report", not options.quiet):
+            text = Path(name).read_text(encoding="utf-8")
+            scenes = functools.partial(_scene_of, study)
+            write_study_report(files[-1], stem, table, options.result, units, scenes, text)
     return files
+
+
+def _scene_of(study: Study, number: int) -> tuple[Scene, Task]:
+    """Return scene and task of a case, by its number."""
+    problem = study.function
+    assert isinstance(problem, study_file.SceneProblem)
+    return problem.at({name: study.cases[number][name] for name in problem.others})
 
 
 def _jobs(text: str) -> int:

@@ -34,6 +34,7 @@ EXAMPLES = """examples:
   python scripts/time_optimal.py --machine torus --polish        exact switching times, with their table
   python scripts/time_optimal.py --template torus > arm.toml     a commented scene file to start from
   python scripts/time_optimal.py arm.toml --card                 what it is, before it is solved
+  python scripts/time_optimal.py arm.toml --report               an HTML report with the motion in 3D
   python scripts/time_optimal.py arm.toml --budget               what each effect costs
 
 Angles in rad, lengths in m, torques in N m, forces in N, in the order of the coordinates: spherical (theta, psi, phi,
@@ -95,6 +96,12 @@ def find_motion(
     try:
         with working("drawing", shown):
             files = write(solution, scene, task, (times, table), result.ok, options)
+        if options.report:
+            from html_reports.motion_page import write_motion_report
+
+            files["report"] = options.output / "time_optimal.html"
+            with working("writing the report", shown):
+                write_motion_report(files["report"], solution, scene, task, document, report, result)
     except (OSError, ImportError) as error:
         print(f"time_optimal: {error if isinstance(error, ImportError) else f'cannot write: {error}'}", file=sys.stderr)
         return 1
@@ -205,6 +212,7 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--limit", nargs="+", type=float, metavar="F", help="magnitude of every drive [N m or N]")
     parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
     add_output(parser, "CSV, NPZ, pictures and report")
+    parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
     parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")
     parser.add_argument("--card", action="store_true", help="print the card of the scene and the task, and stop")
     parser.add_argument("--budget", action="store_true", help="solve again with each effect left out; what each costs")

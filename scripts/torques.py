@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from reports.motion_file import read_motion
+from reports.output import add_output, output_folder, working
 
 from models import Envelope, Manipulator, Motion, Scene, TorqueTable, inverse_dynamics, write_code, write_function
 from models.effects import Gravity, Payload, Viscous
@@ -50,7 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"{machine.name} manipulator, {', '.join(repr(e) for e in effects) or 'no effects'}")
         say(repr(motion))
         account = describe(say, motion, table, scene, options)
-        files = write(options, motion, table, account)
+        options.output = output_folder(options, "torques")
+        files = write(options, scene, motion, table, account)
     except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
         sentence = " ".join(str(error).split()) or type(error).__name__
         print(f"torques: {sentence}", file=sys.stderr)
@@ -84,7 +86,8 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--speed", nargs="+", type=float, metavar="V", help="no-load speed of every drive")
     parser.add_argument("--corner", nargs="+", type=float, metavar="V", help="speed up to which --limit is available")
     parser.add_argument("--continuous", nargs="+", type=float, metavar="F", help="continuous torque of every drive")
-    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="(default: %(default)s)")
+    add_output(parser, "table, pictures and report")
+    parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
     parser.add_argument("--export", action="store_true", help="write a JointTrajectory too")
     parser.add_argument("--code", action="store_true", help="write the inverse dynamics as C code and CasADi function")
     parser.add_argument("--no-picture", action="store_true", help="write no picture")
@@ -165,17 +168,24 @@ def describe(
         raw = raw_torques(motion, table)
         say(f"raw          differences of the samples would be off by {_row(_rms(raw - table.tau))} (rms)")
         account["raw_difference_rms"] = _rms(raw - table.tau).tolist()
+    for sentence in exceeded(table):
+        say(f"exceeded     {sentence}")
+    account["broken_limits"] = [asdict(span) for span in broken_limits(table)]
+    return account
+
+
+def exceeded(table: TorqueTable) -> list[str]:
+    """Return a sentence for every limit of a drive or an effect that the motion exceeds."""
+    sentences = []
     for drive in table.loads:
         for span in drive.exceeded:
-            say(f"exceeded     {drive.name} from {span.start:.6g} to {span.end:.6g} s, up to {span.ratio:.4g} times")
+            sentences.append(f"{drive.name} from {span.start:.6g} to {span.end:.6g} s, up to {span.ratio:.4g} times")
         if drive.overheated:
-            say(f"exceeded     {drive.name}: the root mean square {drive.rms:.5g} {drive.unit} is beyond its limit")
-    broken = broken_limits(table)
-    account["broken_limits"] = [asdict(span) for span in broken]
-    for where in broken:
+            sentences.append(f"{drive.name}: the root mean square {drive.rms:.5g} {drive.unit} is beyond its limit")
+    for where in broken_limits(table):
         when = f"from {where.start:.6g} to {where.end:.6g} s"
-        say(f"exceeded     {where.name} {when}: {where.value:.4g}, the limit is {where.limit:.4g}")
-    return account
+        sentences.append(f"{where.name} {when}: {where.value:.4g}, the limit is {where.limit:.4g}")
+    return sentences
 
 
 def raw_torques(motion: Motion, table: TorqueTable) -> np.ndarray:
@@ -183,16 +193,24 @@ def raw_torques(motion: Motion, table: TorqueTable) -> np.ndarray:
     return motion.differenced().torques(table.machine, table.effects, times=table.t).tau
 
 
-def write(options: argparse.Namespace, motion: Motion, table: TorqueTable, account: dict[str, object]) -> list[Path]:
+def write(
+    options: argparse.Namespace, scene: Scene, motion: Motion, table: TorqueTable, account: dict[str, object]
+) -> list[Path]:
     """Write all files, or none."""
-    options.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=options.output) as folder:
         part = Path(folder)
         write_csv(part / "torques.csv", table)
         (part / "torques.json").write_text(json.dumps(_finite(account), indent=2, allow_nan=False), encoding="utf-8")
         if not options.no_picture:
             raw = raw_torques(motion, table) if options.compare else None
-            draw_torques(table, raw, part / "torques.png")
+            for suffix in options.formats:
+                draw_torques(table, raw, part / f"torques.{suffix}")
+        if options.report:
+            from html_reports.torque_page import write_torque_report
+
+            document = None if options.scene is None else read_document(options.scene)
+            with working("writing the report", not (options.quiet or options.json)):
+                write_torque_report(part / "torques.html", motion, table, scene, document, exceeded(table))
         if options.export:
             names = [c.name for c in table.machine.coordinates]
             message = as_trajectory(table.t, table.q, table.v, table.a, names)

@@ -16,7 +16,7 @@ ROOMS = {
         "arcs", "sensitivities", "studies",
     ),
     "models": ("machines", "rigid_bodies", "mechanics", "effects", "forms", "torques", "motions", "scenes", "plots"),
-    "scripts": ("reports", "benchmarks", "accuracy_bill"),
+    "scripts": ("reports", "benchmarks", "accuracy_bill", "html_reports"),
 }  # fmt: skip
 # Packages that files of a package may import; of ocp, models take statements of tasks and nothing that solves.
 PACKAGES = {"ocp": {"ocp"}, "models": {"models", "ocp"}, "scripts": {"scripts", "models", "ocp"}}

@@ -65,7 +65,7 @@ def structure(solution: Solution, path: File | None = None) -> Figure:
         len(heights), 1, sharex=True, figsize=(7.2, 0.95 * sum(heights) + 1.2), height_ratios=heights,
         layout="constrained",
     )  # fmt: skip
-    t, u, values, hamiltonian, x = _along(solution, problem)
+    t, u, values, hamiltonian, x = along_motion(solution, problem)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     for i, label in enumerate(labels):
         own = [row for row in rows if row.name == label.name]
@@ -105,8 +105,8 @@ def structure(solution: Solution, path: File | None = None) -> Figure:
     return saved(figure, path)
 
 
-def _along(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:
-    """Return t, u, switching functions times half the range, H minus its mean, and x, with gaps between elements."""
+def along_motion(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:
+    """Return t, u, switching functions times half the range, H minus its mean, and x, sampled on every element."""
     system = problem.system
     t, x, _, u = solution.samples(PLACES)
     costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(PLACES), solution.costates).reshape(len(t), -1)

@@ -1,0 +1,123 @@
+"""Report of the torques of a motion: playback, torques with their split, torque over speed, loads of the drives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from reports.scene_toml import as_toml
+
+from html_reports import page
+from html_reports.playback import FRAMES, SCRIPT, playback
+from html_reports.time_curves import HIGH, Panel, time_curves
+from models import Motion, Scene, TorqueTable
+from models.plots.signals import skeleton
+from models.scenes.toml_document import Table
+from ocp.checks import Array
+
+MOST = 600  # points of a curve
+
+
+def write_torque_report(
+    path: Path, motion: Motion, table: TorqueTable, scene: Scene, document: Table | None, broken: list[str]
+) -> None:
+    """Write the report of a torque table.
+
+    Args:
+        path: of the page (.html).
+        motion: of the table.
+        table: torques with their split and loads.
+        scene: machine and effects.
+        document: the scene file, or None without one.
+        broken: sentences about limits that are exceeded.
+
+    Raises:
+        ImportError: Plotly is not installed.
+        OSError: the file cannot be written.
+    """
+    kept = np.unique(np.linspace(0, len(table.t) - 1, min(MOST, len(table.t))).round().astype(int))
+    t = np.linspace(float(table.t[0]), float(table.t[-1]), FRAMES)
+    space = playback(t, skeleton(table.machine, motion.q(t)))
+    rows = [
+        (load.name, load.unit, load.peak, load.rms, load.speed, load.mean_power, load.peak_power)
+        for load in table.loads
+    ]
+    head = ("drive", "unit", "peak", "rms", "speed [rad/s or m/s]", "mean power [W]", "peak power [W]")
+    parts = [(name, *np.sqrt(np.mean(part**2, axis=0)).tolist()) for name, part in table.split.items()]
+    drives = [f"{c.name} [{c.force_unit}]" for c in table.machine.coordinates]
+    text = f"limits are exceeded: {'; '.join(broken)}" if broken else _kept(table)
+    sections = [
+        page.verdict(text, not broken),
+        page.paragraph(f"{motion!r}. {'; '.join(motion.notes)}"),
+        page.section("The motion", page.figure(space, "arm", "The slider and a click on a curve below go to a time.")),
+        page.section("Torques and their parts", page.figure(
+            time_curves([_torques(table, kept), _speeds(table, kept), _powers(table, kept)]), "curves",
+            "Thick: the torque; thin: its parts by cause. Shaded: the drive is asked for more than it has.")),
+        page.section("Torque over speed", page.figure(_planes(table, kept), "planes")),
+        page.section("Loads of the drives", page.table(head, rows)),
+        page.section("Parts of the torque, root mean square", page.table(("part", *drives), parts)),
+        page.section("The scene", page.preformatted(as_toml(document.entries)) if document is not None else "",
+                     page.preformatted(scene.card(), "Card of the scene")),
+    ]  # fmt: skip
+    times = page.data("times", np.round(t, 6).tolist())
+    page.write(path, f"Torques of a motion of the {table.machine.name} manipulator", [times, *sections], [SCRIPT])
+
+
+def _kept(table: TorqueTable) -> str:
+    return "all limits are kept" if table.limits else "no limits of the drives were given: see --limit, --speed"
+
+
+def _torques(table: TorqueTable, kept: Array) -> list[Panel]:
+    panels = []
+    for i, c in enumerate(table.machine.coordinates):
+        lines = {"torque": table.tau[kept, i], **{name: part[kept, i] for name, part in table.split.items()}}
+        spans = [(span.start, span.end, HIGH) for span in table.loads[i].exceeded]
+        limit = _available(table, i, kept)
+        lower = None if limit is None else -limit
+        heading = "torque and its parts" if i == 0 else ""
+        panels.append(Panel(f"tau_{c.name} [{c.force_unit}]", table.t[kept], lines, lower, limit, heading, spans))
+    return panels
+
+
+def _available(table: TorqueTable, i: int, kept: Array) -> Array | None:
+    """Return the torque (K,) that is available at the speed of each time."""
+    return np.asarray(table.limits[i].torque(table.v[kept, i])) if table.limits else None
+
+
+def _speeds(table: TorqueTable, kept: Array) -> list[Panel]:
+    return [
+        Panel(f"d{c.name}/dt [{c.unit}/s]", table.t[kept], {"": table.v[kept, i]}, heading="" if i else "speed")
+        for i, c in enumerate(table.machine.coordinates)
+    ]
+
+
+def _powers(table: TorqueTable, kept: Array) -> list[Panel]:
+    return [
+        Panel(f"power of {c.name} [W]", table.t[kept], {"": table.power[kept, i]}, heading="" if i else "power")
+        for i, c in enumerate(table.machine.coordinates)
+    ]
+
+
+def _planes(table: TorqueTable, kept: Array) -> Any:
+    go, coordinates = page.plotly(), table.machine.coordinates
+    drawing = page.plotly("subplots").make_subplots(rows=1, cols=len(coordinates))
+    for i, c in enumerate(coordinates):
+        v, tau = table.v[kept, i], table.tau[kept, i]
+        hover = f"%{{x:.4g}} {c.unit}/s, %{{y:.5g}} {c.force_unit}, t = %{{customdata:.4g}} s<extra></extra>"
+        drawing.add_trace(go.Scatter(x=v.tolist(), y=tau.tolist(), customdata=table.t[kept].tolist(), mode="lines",
+                                     line={"color": "#1f4e79"}, hovertemplate=hover, name=c.name),
+                          1, i + 1)  # fmt: skip
+        if table.limits:
+            limit = table.limits[i]
+            fastest = 1.15 * max(float(np.max(np.abs(table.v[:, i]))), 1e-9)
+            fastest = max(fastest, min(limit.speed, 3.0 * fastest)) if np.isfinite(limit.speed) else fastest
+            speeds = np.linspace(-fastest, fastest, 201)
+            allowed = np.asarray(limit.torque(speeds))
+            for sign in (-1.0, 1.0):
+                y = [float(sign * a) if np.isfinite(a) else None for a in allowed]
+                line = {"color": "#b03a2e", "dash": "dash"}
+                drawing.add_trace(go.Scatter(x=speeds.tolist(), y=y, mode="lines", line=line, name="limit"), 1, i + 1)
+        drawing.update_xaxes(title_text=f"d{c.name}/dt [{c.unit}/s]", row=1, col=i + 1)
+        drawing.update_yaxes(title_text=f"tau_{c.name} [{c.force_unit}]", row=1, col=i + 1)
+    return drawing.update_layout(height=360, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})
