@@ -17,7 +17,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from ocp.studies.origins import OWN, is_installed, is_library, is_of_user, qualified_name, released_module
+from ocp.studies.origins import (
+    OWN,
+    is_installed,
+    is_library,
+    is_of_user,
+    qualified_name,
+    released_module,
+    released_name,
+    released_parts,
+)
 
 # Attributes of a class that do not change what it computes.
 IGNORED = {
@@ -46,9 +55,11 @@ class Walk(Protocol):
 
 def of_function(function: types.FunctionType, above: tuple[int, ...], walk: Walk) -> Chunks:
     """Yield the content of a function: name, enclosed values, code, defaults, named globals, imports in its body."""
-    yield f"{released_module(function).split('.')[0]}.{function.__qualname__}".encode()
+    yield f"{released_module(function).split('.')[0]}.{released_name(function)}".encode()
     cells = [_cell_content(cell) for cell in function.__closure__ or ()]
-    yield from walk.named(dict(zip(function.__code__.co_freevars, cells, strict=True)), above)
+    enclosed = dict(zip(function.__code__.co_freevars, cells, strict=True))
+    released = released_parts(function)
+    yield from walk.named({k: v for k, v in enclosed.items() if not released or k in released}, above)
     if is_installed(function.__module__):
         walk.note("library", function.__module__.split(".")[0])
         return

@@ -25,8 +25,8 @@ def digest(*parts: object) -> str:
 
     Numbers, texts, arrays, containers, enumerations, dataclasses, systems and problems count by content. Functions and
     classes of the user count by their code and everything that it refers to: enclosed values, globals, modules, base
-    classes; those of libraries by name and version. Any other object counts by what would be pickled. A dataclass field
-    of this program with the metadata "since" counts only if it differs from its default.
+    classes; those of libraries by name and version. Any other object counts by what would be pickled. A
+    field that a dataclass of this program got after release 0.1.0 counts only if it differs from its default.
 
     Args:
         parts: any values.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.metadata
+import re
 import sys
-from collections.abc import Mapping
+import types
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +57,20 @@ def qualified_name(value: Any) -> str:
 
 def released_module(value: Any) -> str:
     """Return the module of a class or function; for what release 0.1.0 had, its module in that release."""
-    module = str(getattr(value, "__module__", ""))
-    top = module.split(".")[0]
-    return _released(top).get(getattr(value, "__qualname__", ""), module) if top in OWN else module
+    released = _in_release(value)
+    return released.module if released else str(getattr(value, "__module__", ""))
+
+
+def released_name(function: types.FunctionType) -> str:
+    """Return the qualified name of a function; for what release 0.1.0 had, its name in that release."""
+    released = _in_release(function)
+    return released.name if released else function.__qualname__
+
+
+def released_parts(value: Any) -> tuple[str, ...] | None:
+    """Return the fields of a dataclass, or enclosed variables of a function, in release 0.1.0; None if not listed."""
+    released = _in_release(value)
+    return released.parts if released else None
 
 
 def version_of(library: str) -> str:
@@ -72,14 +85,34 @@ def version_of(library: str) -> str:
         return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
 
 
+@dataclass(frozen=True)
+class _Released:
+    """A class or function of release 0.1.0."""
+
+    module: str
+    name: str
+    parts: tuple[str, ...]
+
+
+def _in_release(value: Any) -> _Released | None:
+    top = str(getattr(value, "__module__", "")).split(".")[0]
+    return _released(top).get(getattr(value, "__qualname__", "")) if top in OWN else None
+
+
 @functools.cache
-def _released(top: str) -> dict[str, str]:
-    """Return qualified name -> module for what a package had in release 0.1.0."""
+def _released(top: str) -> dict[str, _Released]:
+    """Return present name -> what a package of this program had in release 0.1.0."""
     try:
-        modules: Mapping[str, str] = importlib.import_module(OWN[top]).MODULES
+        text: str = importlib.import_module(OWN[top]).RELEASED
     except ImportError:  # a package of the user with the same name
         return {}
-    return {name: module for module, names in modules.items() for name in names.split()}
+    results = {}
+    for line in text.replace("\n    ", " ").strip().splitlines():
+        module, _, names = line.partition(": ")
+        for name, inner in re.findall(r"([^\s(]+)(?:\(([^)]*)\))?", names):
+            present, _, former = name.partition("=")
+            results[present] = _Released(module, former or present, tuple(inner.split()))
+    return results
 
 
 def is_library(path: Path) -> bool:

@@ -78,7 +78,7 @@ class ContentWalk:
         self._settings, self._strict, self._brief = settings, strict, brief
         self._of_graph = of_graph
         self._count = 0
-        self._in_program = 0  # functions of this program whose enclosed values are being walked
+        self._in_program = 0  # functions and machines of this program whose parts are being walked
         self._seen: dict[int, tuple[int, object]] = {}  # keeps the values alive, so that no id is used twice
         self._hashed: set[str] = set()  # libraries whose version is part of the content already
 
@@ -145,7 +145,8 @@ class ContentWalk:
             yield value.serialize().encode()
         elif isinstance(value, GRAPHS):
             yield str(value).encode()
-            yield from hidden_digits(value)
+            if not self._in_program:
+                yield from hidden_digits(value)
         elif isinstance(value, functools.partial):
             yield from self.chunks((value.func, value.args, value.keywords), inside)
         elif isinstance(value, types.CodeType):
@@ -179,8 +180,11 @@ class ContentWalk:
             yield from self._extras(value, inside)
         elif is_dataclass(value):
             yield type(value).__qualname__.encode()
+            derived = "nominal" in (origins.released_parts(type(value)) or ())
+            self._in_program += derived  # its graphs follow from the numbers in `nominal`
             for one in _counting(value):
                 yield from self.chunks((one, getattr(value, one)), inside)
+            self._in_program -= derived
             yield from self._extras(value, inside)
         else:
             yield origins.qualified_name(type(value)).encode()
@@ -278,9 +282,17 @@ def _is_plain(value: object, made: tuple[Any, ...]) -> bool:
 
 def _counting(value: Any) -> list[str]:
     """Return the names of those fields of a dataclass that are part of its content."""
-    results = []
+    released, results = origins.released_parts(type(value)), []
     for one in fields(value):
         default = one.default_factory() if one.default_factory is not MISSING else one.default
-        if "since" not in one.metadata or getattr(value, one.name) != default:
+        if not released or one.name in released or not _equal(getattr(value, one.name), default):
             results.append(one.name)
     return results
+
+
+def _equal(value: object, default: object) -> bool:
+    """Return whether a value is a default; arrays and graphs, which have no truth value, never are."""
+    try:
+        return type(value) is type(default) and bool(value == default)
+    except (TypeError, ValueError, RuntimeError):
+        return False

@@ -3,4 +3,6 @@
 Their code must stay as it is, docstrings included, or those studies are computed again.
 """
 
-MODULES = {"study_measurement": "measures _function _signals"}
+RELEASED = """
+study_measurement: measures _function _signals
+"""

@@ -1,5 +1,6 @@
 """Stores that release 0.1.0 wrote are read, and none of their cases is computed again."""
 
+import json
 import shutil
 import sqlite3
 import sys
@@ -9,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from catalogue.released import studies
+from catalogue.released_values import values
 from reports import study_file
 
 import models
@@ -71,6 +73,13 @@ def test_stored_solutions_are_read_with_their_switching_structure(stored, name):
             assert solution.duration == result.results["duration"]
             assert (solution.structure is not None) == (result.structure is not None)
         assert any(result.structure for result in results.values()) == (name in ("polished", "scene"))
+
+
+@same_versions
+def test_values_keep_the_digests_that_the_release_gave_them():
+    """A field that an effect, a scheme, a machine got since then counts only if it is not its default."""
+    released = json.loads((DATA / "digests.json").read_text())
+    assert {name: [digest(value), digest(type(value))] for name, value in values().items()} == released
 
 
 def _of_package(package):
