@@ -25,7 +25,7 @@ SIDES = ("lower", "upper", "lower_deg", "upper_deg")
 REGIONS: dict[str, Callable[..., Any]] = {
     snake(name): thing
     for name, thing in vars(regions).items()
-    if isinstance(thing, type) and dataclasses.is_dataclass(thing)
+    if isinstance(thing, type) and dataclasses.is_dataclass(thing) and hasattr(thing, "within")
 }
 PLACES = {"outside": outside, "inside": inside}
 

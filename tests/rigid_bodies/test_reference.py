@@ -38,8 +38,8 @@ def machine_of(name):
 
 
 def relative(value, wanted):
-    wanted = np.ravel(wanted)
-    return np.max(np.abs(np.ravel(value) - wanted)) / max(np.max(np.abs(wanted)), 1e-300)
+    value, wanted = np.array(value).ravel(), np.array(wanted).ravel()
+    return np.max(np.abs(value - wanted)) / max(np.max(np.abs(wanted)), 1e-300)
 
 
 def state_of(form, frame, arm, q, v, p):
