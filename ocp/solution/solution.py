@@ -219,17 +219,6 @@ class Solution:
         u = np.einsum("sm,kma->ksa", self.scheme.control_at(tau), self.controls)
         return t, x.reshape(len(t), -1), rate.reshape(len(t), -1), u.reshape(len(t), -1)
 
-    def inside(self, element: Array, tau: Array) -> tuple[Array, Array]:
-        """Return state (K, nx) and control (K, nu) at points inside elements.
-
-        Args:
-            element: (K,) indices of elements.
-            tau: (K,) shares of each, in [0, 1].
-        """
-        x = np.einsum("km,kma->ka", self.scheme.state_at(tau), self.data[element])
-        u = np.einsum("km,kma->ka", self.scheme.control_at(tau), self.controls[element])
-        return x, u
-
     def locate(self, t: Array | float) -> tuple[Array, Array]:
         """Return the element of each time and the point tau in [0, 1] on it.
 

@@ -155,7 +155,7 @@ class _Search:
         return np.asarray(np.where(at_right > at_left, right, left))
 
     def _at(self, c: int, element: Array, tau: Array) -> tuple[Array, Array]:
-        x, u = self.solution.inside(element, tau)
+        x, u = _inside(self.solution, element, tau)
         return np.asarray(self.limited.beyond(self.limited.evaluate(x, u)[0])[c]), x
 
 
@@ -201,3 +201,10 @@ def between_points(solution: Solution) -> list[str]:
         f"{label.name} leaves its limits between the collocation points by {100 * share[k, i]:.2g} % of its range, at "
         f"t = {t[k]:.4g} s, and the cost is too low for it; Control.CONSTANT and LINEAR keep limits everywhere"
     ]
+
+
+def _inside(solution: Solution, element: Array, tau: Array) -> tuple[Array, Array]:
+    """Return state (K, nx) and control (K, nu) at K points, each given by an element and its share tau of it."""
+    x = np.einsum("km,kma->ka", solution.scheme.state_at(tau), solution.data[element])
+    u = np.einsum("km,kma->ka", solution.scheme.control_at(tau), solution.controls[element])
+    return x, u

@@ -26,6 +26,8 @@ MADE = {
     "models": {"DriveLoad", "Estimate", "Manipulator", "Motion", "TorqueTable"},
 }  # fmt: skip
 PROTOCOLS = {"ocp.Tolerance"}
+# Methods by which an effect takes part in estimates (see models/mechanics/contributions.py): the package calls them.
+HOOKS = {"typical", "contribution", "mean_loss"}
 MODULES = {"ocp": ocp, "models": models, "models.effects": effects, "models.forms": forms}
 
 
@@ -44,7 +46,7 @@ def methods(kind):
     fields = {field.name for field in dataclasses.fields(kind)} if dataclasses.is_dataclass(kind) else set()
     for name, value in vars(kind).items():
         function = value.__func__ if isinstance(value, classmethod | staticmethod) else value
-        if name.startswith("_") or name in fields or not inspect.isfunction(function):
+        if name.startswith("_") or name in fields | HOOKS or not inspect.isfunction(function):
             continue
         if len(inspect.signature(function).parameters) > 1:
             yield name
