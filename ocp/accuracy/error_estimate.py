@@ -15,8 +15,10 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_problem
+from ocp.solution.cost_scale import cost_scale
 from ocp.solution.integration_drift import MORE, accumulated, propagated
 from ocp.solution.solution import Solution, Status
+from ocp.solution.state_scales import LEAST
 
 PANELS, PER_PANEL = 8, 3  # panels of every element and Gauss points of each, for integrands with kinks
 SAFETY = 2.0  # factor: the estimate is of first order, asymptotically exact for smooth problems
@@ -81,13 +83,14 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
     turnover = float(solution.duration * (given.scale.reshape(count, -1) @ weights @ solution.grid.widths))
+    least = cost_scale(solution, problem)
     scale = max(abs(solution.cost), turnover)
     cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
     cost += ROUNDING * scale
     return Errors(
-        cost, _of_duration(cost, solution, problem), np.max(np.abs(away), axis=0), float(dynamics.sum()),
+        cost, _of_duration(cost / least, solution, problem), np.max(np.abs(away), axis=0), float(dynamics.sum()),
         float(optimality.sum()), float(overshoot.sum()), float(violation.sum()), left,
-        _variation(given, weights, solution, problem), parts, np.abs(local), away, labels,
+        _variation(given, weights, solution, problem), parts, np.abs(local), away, labels, least,
     )  # fmt: skip
 
 
@@ -97,13 +100,13 @@ def _panels() -> tuple[Array, Array]:
     return tau.ravel(), np.tile(weights / 2.0 / PANELS, PANELS)
 
 
-def _of_duration(cost: float, solution: Solution, problem: Problem) -> float:
+def _of_duration(share: float, solution: Solution, problem: Problem) -> float:
     if not isinstance(problem.horizon, Free):
         return 0.0
     minimise = problem.minimise
     if minimise.time and minimise.running.is_zero() and minimise.final.is_zero():
-        return cost / abs(minimise.time)
-    return cost / max(abs(solution.cost), 1e-300) * solution.duration * solution.scheme.order
+        return share * solution.duration
+    return share * solution.duration * solution.scheme.order
 
 
 def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
@@ -156,5 +159,6 @@ def _variation(result: Minimum, weights: Array, solution: Solution, problem: Pro
     horizon = problem.horizon
     free = isinstance(horizon, Free) and horizon.lower < solution.duration < horizon.upper
     target = -problem.minimise.time if free else mean
-    scale = max(float(shares @ result.scale), abs(problem.minimise.time), 1e-300)
+    least = LEAST * cost_scale(solution, problem) / max(solution.duration, 1e-300)
+    scale = max(float(shares @ result.scale), abs(problem.minimise.time), least)
     return float(np.sqrt(shares @ (result.value - target) ** 2)) / scale

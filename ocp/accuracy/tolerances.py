@@ -65,7 +65,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class Share:
-    """The cost, as a share of it."""
+    """The cost, as a share of it; of 1/1000 of the change of the cost by a scale of every variable if that is more."""
 
     tol: float
     unit: str = "share"
@@ -77,12 +77,12 @@ class Share:
     def error(self, solution: Solution, errors: Errors) -> float:
         """Return the error as a share of the cost."""
         _check(solution, errors)
-        return errors.cost / max(abs(solution.cost), 1e-300)
+        return errors.cost / errors.cost_scale
 
     def parts(self, solution: Solution, errors: Errors) -> Array:
         """Return the part of every element (N,) in it."""
         _check(solution, errors)
-        return np.asarray(errors.elements / max(abs(solution.cost), 1e-300))
+        return np.asarray(errors.elements / errors.cost_scale)
 
 
 @dataclass(frozen=True)

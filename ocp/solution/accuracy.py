@@ -51,6 +51,7 @@ class Errors:
     local: Array  # (N, nx) error of each state at the end of an element, integrated from its start
     drift: Array  # (N + 1, nx) integrated from x(0) minus the solution, at the ends of elements; signed
     labels: tuple[Label, ...]  # of the states
+    cost_scale: float = 1.0  # with which errors of the cost are compared as shares [unit of the cost]
 
     def __str__(self) -> str:
         parts = [

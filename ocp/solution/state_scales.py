@@ -43,15 +43,20 @@ def scales_of_states(solution: Solution, problem: Problem) -> tuple[Array, float
     ]
     largest = [np.nan_to_num(np.max([one[i] for one in results], axis=0), posinf=0.0) for i in range(len(parts))]
     by_x, by_u, power_by, energy_by = largest
-    caused = solution.duration * by_u @ _control_range(solution, problem)
+    caused = solution.duration * by_u @ control_scales(solution, problem)
     caused = caused + solution.duration * by_x @ caused
     scale = np.maximum(np.maximum(width, LEAST * np.maximum(largest_of_unit(width, units), caused)), ROUNDING * value)
     energy_scale = float(np.sum(energy_by @ (ROUNDING * value)) + LEAST * solution.duration * np.sum(power_by @ caused))
     return np.where(scale > 0.0, scale, 1.0), energy_scale
 
 
-def _control_range(solution: Solution, problem: Problem) -> Array:
-    """Return the largest allowed value of each control, at most a thousand times the largest value in the motion."""
+def control_scales(solution: Solution, problem: Problem) -> Array:
+    """Return the largest allowed value (nu,) of each control, at most 1000 times the largest value in the motion.
+
+    Args:
+        solution: of any status.
+        problem: that it solves.
+    """
     sides = np.abs(np.stack(problem.limits(Where.ALONG, problem.system.u)))
     used = np.max(np.abs(solution.controls), axis=(0, 1))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
