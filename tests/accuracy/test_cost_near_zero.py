@@ -6,7 +6,21 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ocp import Bolza, Fixed, Free, Problem, Share, System, along, end, estimate, solve, solve_to_accuracy, start, verify
+from ocp import (
+    Bolza,
+    Fixed,
+    Free,
+    Problem,
+    Share,
+    System,
+    along,
+    end,
+    estimate,
+    solve,
+    solve_to_accuracy,
+    start,
+    verify,
+)
 from ocp.transcription.grid import uniform
 
 x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
@@ -27,7 +41,9 @@ ZERO = {
     ),
     "a cost that crosses zero": Problem(AXIS, Fixed(2.0), Bolza(final=x[0]), (start(x, [4.0, 0.0]), WITHIN[1])),
     "no cost": Problem(AXIS, Fixed(2.0), Bolza(), (*WITHIN, end(x, [1.0, 0.0]))),
-    "no cost, free duration": Problem(SWING, Free(2.0), Bolza(), (start(x, 0.0), end(x, [1.0, 0.0]), along(u, -20, 20))),
+    "no cost, free duration": Problem(
+        SWING, Free(2.0), Bolza(), (start(x, 0.0), end(x, [1.0, 0.0]), along(u, -20, 20))
+    ),
 }
 
 
