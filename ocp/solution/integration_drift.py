@@ -7,7 +7,7 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.checks import Array
 from ocp.numerics.polynomials import integration_matrix
-from ocp.problem.problem import Problem
+from ocp.problem.problem import Free, Problem
 from ocp.solution.solution import Solution
 from ocp.system import slopes
 
@@ -28,6 +28,33 @@ def drift(solution: Solution, problem: Problem) -> Array:
     """
     local, transition, _ = propagated(solution, problem)
     return accumulated(local, transition)
+
+
+SHORT = 1e-6  # duration relative to its guess below which a motion is suspected to be none
+GROSS = 1e-2  # drift relative to the range of a state above which the equations of motion are not satisfied
+
+
+def collapsed(solution: Solution) -> bool:
+    """Return whether a free duration has shrunk to nothing though start and goal differ.
+
+    With unbounded states an NLP can satisfy its scaled equations by a duration of zero and infinite rates. The states
+    integrated with the controls stay at the start then.
+
+    Args:
+        solution: of any status.
+    """
+    problem = solution.problem
+    if problem is None or not isinstance(problem.horizon, Free) or not np.all(np.isfinite(solution.data)):
+        return False
+    if not 0.0 < solution.duration < SHORT * problem.horizon.guess:
+        return False
+    with np.errstate(all="ignore"):
+        try:
+            away = np.abs(drift(solution, problem))
+        except np.linalg.LinAlgError:
+            return True
+    width = np.ptp(solution.states, axis=(0, 1))
+    return not bool(np.all(away <= GROSS * np.where(width > 0.0, width, np.inf)))
 
 
 def accumulated(local: Array, transition: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Free, Problem
-from ocp.solution.integration_drift import drift
+from ocp.solution.integration_drift import collapsed, drift
 from ocp.solution.solution import Solution, Status
 from ocp.solution.violations import between_points, excess, touched
 from ocp.solving.prechecks import _labels, warnings_before
@@ -27,6 +27,11 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         phase = f" in phase {number + 1}" if len(solutions) > 1 else ""
         results += _worst(solution, phase)
     results.sort(key=lambda pair: -pair[0])
+    if any(map(collapsed, solutions)):
+        return [
+            f"the duration collapsed to {min(s.duration for s in solutions):.2g} s though start and goal differ: "
+            "no motion; give it a lower limit, Free(guess, lower=...), or limit the states"
+        ]
     sentences = [*touched(solutions), *(words for _, words in results[:NAMED])]
     if min(len(s.controls) * s.controls.shape[1] for s in solutions) < FEW:
         sentences.append("so few values of each control hardly lead anywhere; try a grid of ten elements or more")

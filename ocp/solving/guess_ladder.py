@@ -13,6 +13,7 @@ from ocp import checks
 from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, parameter_values, phases_of
+from ocp.solution.integration_drift import collapsed
 from ocp.solution.solution import Status
 from ocp.solving.first_guesses import phase_guesses, smooth, straight_line
 from ocp.solving.guess_conversion import AnySolution, as_guesses
@@ -136,6 +137,37 @@ class WiderLimits:
 
 
 @dataclass(frozen=True)
+class LongerDuration:
+    """Solution with a lower limit of the free durations, as a share of their guesses; the limit is then released.
+
+    For motions whose duration collapses to zero, or whose iterates diverge.
+    """
+
+    share: float = 0.5
+
+    def __post_init__(self) -> None:
+        checks.number("LongerDuration: share", self.share, "a number > 0", above=0.0)
+
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return the solution with the limit, or None if it fails or no duration is free."""
+        phases = [_slower(phase, self.share) for phase in phases_of(prepared.problem)]
+        if all(new is old for new, old in zip(phases, phases_of(prepared.problem), strict=True)):
+            return None
+        sequence = prepared.problem
+        longer = Sequence(phases, sequence.links) if isinstance(sequence, Sequence) else phases[0]
+        result = prepared((Smooth(), StraightLine()), values, longer)
+        return (as_guesses(prepared.problem, result), True) if result.ok else None
+
+
+def _slower(problem: Problem, share: float) -> Problem:
+    horizon = problem.horizon
+    if not isinstance(horizon, Free):
+        return problem
+    lower = min(max(horizon.lower, share * horizon.guess), horizon.upper)
+    return replace(problem, horizon=replace(horizon, lower=lower)) if lower > horizon.lower else problem
+
+
+@dataclass(frozen=True)
 class ParameterPath:
     """Homotopy: a parameter runs from a value that is easy to its own, each step solved from the last.
 
@@ -170,6 +202,7 @@ class ParameterPath:
 
 
 DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), WiderLimits())
+AT_ONCE = LongerDuration()  # where a duration collapses or iterates diverge
 
 
 def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySolution:
@@ -195,6 +228,11 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
         seconds = time.perf_counter() - started
         result = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
         tried.append(type(rung).__name__)
+        if rungs is DEFAULT and type(AT_ONCE).__name__ not in tried and _runs_away(result):
+            slower = AT_ONCE(prepared, values)
+            tried.append(type(AT_ONCE).__name__)
+            again = result if slower is None else prepared.attempt(slower[0], numbers, slower[1], tried[-1])
+            result = again if again.ok else result
         if result.ok:
             return result
         if best is None or _infeasibility(result) < _infeasibility(best):
@@ -225,6 +263,12 @@ def _shortest(prepared: Solvable, values: Values) -> str:
     if not result.ok or result.duration <= asked:
         return ""
     return f"; the shortest motion found within these limits takes {result.duration:.4g} s, {asked:.4g} s were asked"
+
+
+def _runs_away(result: AnySolution) -> bool:
+    """Return whether the iterates diverged or a free duration shrank to zero."""
+    phases = result.phases if hasattr(result, "phases") else (result,)
+    return result.status is Status.UNBOUNDED or any(map(collapsed, phases))
 
 
 def _infeasibility(solution: AnySolution) -> float:

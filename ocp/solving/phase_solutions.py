@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ocp.solution.integration_drift import collapsed
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import touched
 from ocp.solving.nlp_solver import NlpResult
@@ -42,5 +43,7 @@ def solutions_of(
         )  # fmt: skip
     if result.status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(results)):
         # The collocation equations are satisfied on both sides of the singularity, but the motion between is undefined.
+        results = [replace(solution, status=Status.FAILED) for solution in results]
+    if result.status in (Status.SOLVED, Status.ACCEPTABLE) and any(collapsed(one) for one in results):
         results = [replace(solution, status=Status.FAILED) for solution in results]
     return results
