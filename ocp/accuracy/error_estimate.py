@@ -15,7 +15,7 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_problem
-from ocp.solution.cost_scale import cost_scale
+from ocp.solution.cost_scale import scale_of_cost
 from ocp.solution.integration_drift import MORE, accumulated, propagated
 from ocp.solution.solution import Solution, Status
 from ocp.solution.state_scales import LEAST
@@ -83,7 +83,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
     turnover = float(solution.duration * (given.scale.reshape(count, -1) @ weights @ solution.grid.widths))
-    least = cost_scale(solution, problem)
+    least = scale_of_cost(solution, problem)
     scale = max(abs(solution.cost), turnover)
     cost = SAFETY * (abs(float(dynamics.sum())) + float((optimality + overshoot + violation).sum()) + left)
     cost += ROUNDING * scale
@@ -159,6 +159,6 @@ def _variation(result: Minimum, weights: Array, solution: Solution, problem: Pro
     horizon = problem.horizon
     free = isinstance(horizon, Free) and horizon.lower < solution.duration < horizon.upper
     target = -problem.minimise.time if free else mean
-    least = LEAST * cost_scale(solution, problem) / max(solution.duration, 1e-300)
+    least = LEAST * scale_of_cost(solution, problem) / max(solution.duration, 1e-300)
     scale = max(float(shares @ result.scale), abs(problem.minimise.time), least)
     return float(np.sqrt(shares @ (result.value - target) ** 2)) / scale

@@ -12,7 +12,7 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Free, Problem
-from ocp.solution.cost_scale import cost_scale
+from ocp.solution.cost_scale import scale_of_cost
 from ocp.solution.figure import Figure
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import LEAST
@@ -52,7 +52,7 @@ def optimality(solution: Solution, problem: Problem) -> Optimality:
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ given.value[0] / total)
-    least = LEAST * cost_scale(solution, problem) / total
+    least = LEAST * scale_of_cost(solution, problem) / total
     scale = max(abs(problem.minimise.time), float(weights @ given.terms[0] / total), least)
     target = -problem.minimise.time if _free_duration(solution, problem) else mean
     far = np.abs(given.value[0] - target)
@@ -97,7 +97,7 @@ def _gain(solution: Solution, problem: Problem, at: _Values, adjoint: Adjoint, w
     gap = np.sum(np.where(slope * (u - best) > 0.0, decrease, 0.0), axis=1)
     worst = times[int(np.argmax(gap))] if gap.size else np.nan
     left = float(weights @ gap + adjoint.slack.sum())
-    return Figure(left / cost_scale(solution, problem), "share", "the cost", "controls", worst)
+    return Figure(left / scale_of_cost(solution, problem), "share", "the cost", "controls", worst)
 
 
 def _coupled(problem: Problem) -> bool:

@@ -11,7 +11,7 @@ from ocp.solution.solution import Solution
 from ocp.solution.state_scales import LEAST, control_scales, scales_of_states
 
 
-def cost_scale(solution: Solution, problem: Problem) -> float:
+def scale_of_cost(solution: Solution, problem: Problem) -> float:
     """Return |cost|, at least 1/1000 of the change of the cost by a change of each state and control by its scale.
 
     A cost near zero (an exact tracking, a goal that is reached, an effort that is not needed) is no scale: its shares
