@@ -18,6 +18,7 @@ from reports import effect_budget as budget
 from reports.motion_account import Files, account, describe, named
 from reports.motion_table import at_points, tabulate, write_csv
 from reports.output import add_output, output_folder, working
+from reports.own_models import add_own_models, include_own_models
 from reports.verdict import verdict
 
 from models import Scene, plots
@@ -51,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(scene_text(options.template), end="")
         return 0
     try:
+        include_own_models(options)
         scene, task, document = chosen(parser, options)
     except SceneError as error:
         print(f"time_optimal: {error}", file=sys.stderr)
@@ -211,6 +213,7 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--to", dest="q1", nargs="+", type=float, metavar="Q", help="end, at rest [rad or m]")
     parser.add_argument("--limit", nargs="+", type=float, metavar="F", help="magnitude of every drive [N m or N]")
     parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
+    add_own_models(parser)
     add_output(parser, "CSV, NPZ, pictures and report")
     parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
     parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")

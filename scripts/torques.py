@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from reports.motion_file import read_motion
 from reports.output import add_output, output_folder, working
+from reports.own_models import add_own_models, include_own_models
 
 from models import Envelope, Manipulator, Motion, Scene, TorqueTable, inverse_dynamics, write_code, write_function
 from models.effects import Gravity, Payload, Viscous
@@ -41,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = command_line().parse_args(arguments)
     say: Say = print if not (options.quiet or options.json) else lambda _: None
     try:
+        include_own_models(options)
         scene = chosen(options)
         machine, effects = scene.machine, scene.effects
         limits = envelopes(options, machine)
@@ -86,6 +88,7 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--speed", nargs="+", type=float, metavar="V", help="no-load speed of every drive")
     parser.add_argument("--corner", nargs="+", type=float, metavar="V", help="speed up to which --limit is available")
     parser.add_argument("--continuous", nargs="+", type=float, metavar="F", help="continuous torque of every drive")
+    add_own_models(parser)
     add_output(parser, "table, pictures and report")
     parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
     parser.add_argument("--export", action="store_true", help="write a JointTrajectory too")

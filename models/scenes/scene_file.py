@@ -114,8 +114,10 @@ def _value(field: Field[Any], parts: tuple[Label, ...], table: Table) -> object:
     if spelled != name and name in table.entries:
         raise table.error(spelled, f"stands beside {name!r}; keep one of them")
     value = table.entries[spelled]
-    if unit is None:
-        return _truth(table, name) if "bool" in kind else _texts(table, name)
+    if unit is None and "bool" in kind:
+        return _truth(table, name)
+    if unit is None:  # a field of an effect of the user may state no unit
+        return _texts(table, name) if "str" in kind else _numbers(table, name, value, "")
     if field.metadata.get("scalar"):
         return table.number(name, unit)
     if isinstance(value, dict):

@@ -216,8 +216,13 @@ def test_the_slider_moves_the_arm_and_the_cursor_in_a_browser(browser: Any, moti
     image = tmp_image(window)
     assert np.sum(np.all(np.abs(image - [217, 140, 31]) < 40, axis=2)) > 100
     # A click on a curve moves the arm there.
-    panel = window.locator("#curves .xy .nsewdrag, #curves .nsewdrag").first.bounding_box()
-    window.mouse.click(panel["x"] + 0.2 * panel["width"], panel["y"] + panel["height"] / 2.0)
+    window.locator("#curves").scroll_into_view_if_needed()
+    panel = window.locator("#curves .nsewdrag").first.bounding_box()
+    place = panel["x"] + 0.2 * panel["width"], panel["y"] + panel["height"] / 2.0
+    window.mouse.move(place[0] - 5.0, place[1])
+    window.mouse.move(*place)
+    window.locator("#curves .hoverlayer .legend, #curves .hoverlayer .hovertext").first.wait_for()
+    window.mouse.click(*place)
     window.wait_for_function(f"({cursor})[0] < {0.5 * solution.duration}")
     assert said == []
 

@@ -1,0 +1,54 @@
+"""One entry for all commands: hamel.py COMMAND ..., each with the options of the script of the same name."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+# command -> (module, arguments that it stands for, what it does)
+COMMANDS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "time-optimal": ("time_optimal", (), "the fastest motion of a scene: solve, verify, draw, report"),
+    "torques": ("torques", (), "drive torques of a given motion"),
+    "study": ("study", (), "many cases of a scene, stored and resumed"),
+    "accuracy": ("accuracy", (), "what an accuracy costs in seconds"),
+    "budget": ("time_optimal", ("--budget",), "what each effect of a scene costs"),
+    "card": ("time_optimal", ("--card",), "what a scene is, before it is solved"),
+    "template": ("time_optimal", ("--template",), "a commented scene file of a machine"),
+    "benchmark": ("benchmark", (), "set-up and solve against other tools"),
+    "stability": ("stability", (), "the stability suite"),
+}
+EXAMPLES = """examples:
+  hamel.py template torus > arm.toml
+  hamel.py card arm.toml
+  hamel.py time-optimal arm.toml --polish --report
+  hamel.py torques results/time_optimal.npz arm.toml --report --force
+  hamel.py study study.toml --jobs 2
+
+hamel.py COMMAND --help lists the options of a command."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; its exit status, 0 for help, 2 for no such command."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if not given or given[0] in ("-h", "--help"):
+        print(_help())
+        return 0 if given else 2
+    name, *rest = given
+    if name not in COMMANDS:
+        print(f"hamel: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    module, options, _ = COMMANDS[name]
+    sys.argv[0] = f"hamel {name}"
+    status: int = importlib.import_module(module).main([*options, *rest])
+    return status
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS)) + 2
+    lines = [f"  {name:<{width}}{words}" for name, (_, _, words) in COMMANDS.items()]
+    return "\n".join(["usage: hamel.py COMMAND ...", "", "commands:", *lines, "", EXAMPLES])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
