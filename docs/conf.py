@@ -34,8 +34,8 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "ignore_pattern": r"scara\.py",
 }
-# Docstrings are plain text: what reStructuredText would take for markup is escaped, and a paragraph with an equation keeps
-# its lines.
+# Docstrings are plain text: what reStructuredText would take for markup is escaped, and a paragraph with an equation
+# keeps its lines.
 MARKUP = re.compile(r"([*|`\\])|(?<=\w)(_)(?=\W|$)")
 SECTION = re.compile(r"(Args|Returns|Raises|Yields|Source|Attributes):")
 EQUATION = re.compile(r"\s*[\w'()\[\]{} .^/+*-]+ (=|<=|>=) \S")

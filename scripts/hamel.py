@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     module, options, _ = COMMANDS[name]
     sys.argv[0] = f"hamel {name}"
+    options = () if {"-h", "--help"} & set(rest) else options
     status: int = importlib.import_module(module).main([*options, *rest])
     return status
 

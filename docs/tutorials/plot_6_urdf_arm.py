@@ -27,7 +27,8 @@ file.write_text(
     + JOINT.format("waist", "base", "column", "0 0 0.3", "0 0 1", 60)
     + JOINT.format("shoulder", "column", "upper", "0 0 0.1", "0 -1 0", 80)
     + JOINT.format("elbow", "upper", "fore", "0.5 0 0", "0 -1 0", 40)
-    + '<joint name="flange" type="fixed"><parent link="fore"/><child link="hand"/><origin xyz="0.4 0 0"/></joint></robot>',
+    + '<joint name="flange" type="fixed"><parent link="fore"/><child link="hand"/><origin xyz="0.4 0 0"/></joint>'
+    + "</robot>",
     encoding="utf-8",
 )
 
