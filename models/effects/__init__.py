@@ -5,6 +5,7 @@ from models.effects.drive import ElasticDrive, LaggedDrive
 from models.effects.drive_limits import PowerLimit, TorqueSpeed
 from models.effects.friction import Coulomb, Stribeck, Viscous
 from models.effects.gravity import Gravity
+from models.effects.joint_friction import joint_friction as joint_friction
 from models.effects.joint_stop import JointStop
 from models.effects.motor import MotorDrive, WindingHeat
 from models.effects.payload import Payload

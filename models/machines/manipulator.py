@@ -9,9 +9,10 @@ import casadi as ca
 
 from models.machines.frames import Frame
 from models.machines.inverse_kinematics import Inverse
-from models.machines.limits import JointLimits
 from models.machines.recursion import Recursion
 from ocp import checks
+
+Ends = tuple[float, ...]  # one for each joint, infinite where nothing is known
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,9 @@ class Manipulator:
     default_frame: str = "regular"  # name of the frame that exists wherever the metric is regular
     tool_axes: ca.SX | None = None  # (3, 3) columns = axes of the tool; None: those of the last body
     recursion: Recursion | None = None  # shorter than the metric for machines of many links
-    limits: JointLimits | None = None  # of a data sheet or a robot file
+    limits: Mapping[str, tuple[Ends, Ends]] = field(default_factory=dict)  # of a data sheet or a robot file: "q", ...
+    damping: tuple[float, ...] = ()  # viscous friction that the file states [N m s/rad or N s/m]
+    friction: tuple[float, ...] = ()  # dry friction that it states [N m or N]
     notes: tuple[str, ...] = ()  # sentences about how the machine was read
 
     def __repr__(self) -> str:

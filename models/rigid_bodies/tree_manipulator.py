@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import casadi as ca
 
 from models.machines.frames import coordinate, ldl, udu
-from models.machines.limits import JointLimits
-from models.machines.manipulator import Body, Coordinate, Drive, Manipulator
+from models.machines.manipulator import Body, Coordinate, Drive, Ends, Manipulator
 from models.machines.manipulator import symbols as symbols_of
 from models.rigid_bodies.assembly import Assembly
 from models.rigid_bodies.joint import Joint, Kind
@@ -58,11 +58,32 @@ def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Man
         default_frame="coordinate",
         tool_axes=matrix_of(axes),
         recursion=recursion,
-        limits=JointLimits(
-            *(tuple(getattr(joint, side) for joint in joints) for side in ("lower", "upper", "speed", "effort"))
-        ),
+        limits=_limits(joints),
+        damping=tuple(joint.damping for joint in joints),
+        friction=tuple(joint.friction for joint in joints),
         notes=(*notes, *assembly.notes),
     )
+
+
+def _limits(joints: Sequence[Joint]) -> dict[str, tuple[Ends, Ends]]:
+    """Return lower and upper ends of the signals q, v and tau, of those for which anything is known."""
+    columns = {
+        "q": [(joint.lower, joint.upper) for joint in joints],
+        "v": [(_negative(joint.speed), joint.speed) for joint in joints],
+        "tau": [(_negative(joint.effort), joint.effort) for joint in joints],
+    }
+    return {
+        name: (
+            tuple(-math.inf if low is None else float(low) for low, _ in pairs),
+            tuple(math.inf if high is None else float(high) for _, high in pairs),
+        )
+        for name, pairs in columns.items()
+        if any(end is not None for pair in pairs for end in pair)
+    }
+
+
+def _negative(size: float | None) -> float | None:
+    return None if size is None else -size
 
 
 def _unit(joint: Joint) -> str:

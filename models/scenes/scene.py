@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from models.forms import canonical
+from models.forms import canonical, hamel
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect, name_of
@@ -62,7 +62,9 @@ class Scene:
     @property
     def frame_name(self) -> str:
         """Name of the frame."""
-        return self.frame.name if isinstance(self.frame, Frame) else self.frame or "regular"
+        if self.frame is None and self.form is hamel and self.machine.recursion is not None:
+            return "innovations"
+        return self.frame.name if isinstance(self.frame, Frame) else self.frame or self.machine.default_frame
 
     @cached_property
     def instructions(self) -> int:

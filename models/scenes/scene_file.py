@@ -11,6 +11,7 @@ from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, unit_of
 from models.mechanics.terms import Effect, gather
 from models.scenes import catalogue
+from models.scenes.robot_entry import read_robot
 from models.scenes.scene import Scene
 from models.scenes.toml_document import SceneError, Table, describe, is_angle, spellings
 from ocp.system import Label
@@ -29,13 +30,17 @@ def read_scene(document: Table, symbols: Collection[str] = ()) -> Scene:
         SceneError: a wrong name, number or combination; the message names file, line and key.
     """
     machines, forms = catalogue.machines(), catalogue.forms()
-    machine = _machine(machines[document.text("machine", machines)], document.table("parameters"), symbols)
+    if isinstance(document.entries.get("machine"), dict):
+        machine = read_robot(document)
+    else:
+        machine = _machine(machines[document.text("machine", machines)], document.table("parameters"), symbols)
     form = forms[document.text("form", forms, "canonical")]
-    frame = document.entries.get("frame", "regular")
-    if not isinstance(frame, str):
+    frame = document.entries.get("frame", "regular" if machine.recursion is None else None)
+    if frame is not None and not isinstance(frame, str):
         raise document.error("frame", f"got {describe(frame)}, expected one of {', '.join(machine.frames)}")
     try:
-        machine.frame(frame)
+        if frame is not None:
+            machine.frame(frame)
     except ValueError as error:
         raise document.error("frame", str(error)) from None
     effects = _effects(machine, document.table("effects"), symbols)

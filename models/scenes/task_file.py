@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from models.mechanics.terms import snake
+from models.scenes.robot_entry import machine_limits
 from models.scenes.scene import Scene
 from models.scenes.scene_file import KEYS, read_scene
 from models.scenes.task import Interval, Obstacle, Task
@@ -66,7 +67,10 @@ def read_task(document: Table, scene: Scene) -> Task:
     """
     system = scene.system
     limits = document.table("limits")
-    results = [read_interval(limits, name, system, magnitudes=True) for name in _signals(limits, system)]
+    limits, results = machine_limits(limits, scene.machine)
+    named = _signals(limits, system)
+    results = [one for one in results if one.signal not in named]
+    results += [read_interval(limits, name, system, magnitudes=True) for name in named]
     document.require("task")
     table = document.table("task")
     table.only(["from", "from_deg", "to", "to_deg", "via", "obstacles", "minimise", "horizon", "elements"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,7 +21,8 @@ def point_to_point(
     *,
     minimise: Bolza | str = "time",
     horizon: Free | Fixed | None = None,
-    **limits: Limit | tuple[Limit, Limit],
+    limits: Mapping[str, Limit | tuple[Limit, Limit]] | None = None,
+    **named: Limit | tuple[Limit, Limit],
 ) -> Problem:
     """Return the rest-to-rest problem from q0 to q1: q(0) = q0, q(T) = q1, v(0) = v(T) = 0.
 
@@ -33,7 +34,8 @@ def point_to_point(
         q0, q1: (n,) positions, units of the signal "q".
         minimise: a Bolza cost, or "time" for the duration.
         horizon: Free (default, guess 1 s) or Fixed.
-        limits: signal name = limit along the motion: a pair (lower, upper) as a tuple of scalars or (n,) arrays, or
+        limits: signal name -> limit, for limits that a model brings along; those by name come before them.
+        named: signal name = limit along the motion: a pair (lower, upper) as a tuple of scalars or (n,) arrays, or
             absolute values >= 0 for both sides, scalar or (n,); as in tau=[400, 250], q=(q_min, q_max), v=2.0.
 
     Raises:
@@ -47,7 +49,10 @@ def point_to_point(
         if minimise != "time":
             raise ValueError(f"point_to_point: minimise is {minimise!r}, expected 'time' or a Bolza cost")
         minimise = Bolza(time=1.0)
-    bounded = tuple(along(system[name], *_sides(name, limit, system[name].numel())) for name, limit in limits.items())
+    if limits is not None:
+        checks.mapping("point_to_point: limits", limits, "a dict signal -> limit")
+    every = {**({} if limits is None else limits), **named}
+    bounded = tuple(along(system[name], *_sides(name, limit, system[name].numel())) for name, limit in every.items())
     still = system.signals.get("rest", system["v"])
     rest = (start(system["q"], q0), start(still, 0.0), end(system["q"], q1), end(still, 0.0))
     initial = tuple(start(system[name], value) for name, value in system.initial.items())

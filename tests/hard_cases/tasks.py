@@ -115,7 +115,7 @@ def draw(seed: int) -> Task:
     horizon = Free(guess=duration) if free else Fixed(duration)
     share = float(random.choice([0.0, 0.0, 0.1]))
     cost = Bolza(time=1.0, running=share * effort) if free else Bolza(running=effort)
-    problem = point_to_point(system, q0, q1, minimise=cost, horizon=horizon, **limits)
+    problem = point_to_point(system, q0, q1, minimise=cost, horizon=horizon, limits=limits)
     control = (Control.COLLOCATED, *(Control.CONSTANT,) * 3, *(Control.LINEAR,) * 4)[random.integers(8)]
     maker, points = (radau, legendre, lobatto)[random.integers(3)], int(random.integers(3, 5))
     elements = int(random.integers(15, 21))
