@@ -77,7 +77,8 @@ def hamel_equations(mechanics: Mechanics, frame: str) -> Equations:
 
         return shortest(recursion.builds, in_coordinates)
     builds = recursion.builds if frame in FROM_TIP else (recursion.from_base,)
-    kinetic = ca.dot(w, recursion.factors(frame in FROM_TIP).pivots * w) / 2
+    pivots = recursion.pivots if frame in FROM_TIP else recursion.factors(False).pivots
+    kinetic = ca.dot(w, pivots * w) / 2
 
     def built(build: Build) -> Equations:
         v = build.velocities(w)

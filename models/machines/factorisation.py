@@ -58,7 +58,7 @@ def factorise(matrix: ca.SX, order: Sequence[int] | None = None) -> Factors:
         k = min(left, key=lambda i: (_degree(rest, i, left), -i)) if order is None else left[0]
         left.remove(k)
         done.append(k)
-        pivots[k] = rest[k, k]
+        pivots[k] = rest.get((k, k), ca.SX(0))  # a joint that moves nothing has none
         coupled = [i for i in left if _key(i, k) in rest]
         for i in coupled:
             lower[i, k] = rest[_key(i, k)] / pivots[k]

@@ -61,15 +61,15 @@ def styled(axes: Axes, label: str, title: str = "", x: str = "") -> None:
 def pretty(label: str) -> str:
     """Return a label such as "dtheta/dt [rad/s]" with its letters as mathematics."""
     name, _, unit = label.partition(" ")
-    for letter in GREEK:
-        name = name.replace(letter, rf"\{letter}")
     dotted = name.startswith("d") and name.endswith("/dt")
     name = name[1:-3] if dotted else name
     head, _, tail = name.partition("_")
-    head = r"\tau" if head == "tau" else head
     tail, digit = (tail[:-1], tail[-1]) if tail[-1:].isdigit() else (tail, "")
     if not tail and head[-1:].isdigit():
         head, digit = head[:-1], head[-1]
+    # Only whole words are letters: "axis" has no xi, and an underscore in a name of several words is no index.
+    head, tail = (rf"\{word}" if word in GREEK or word == "tau" else word for word in (head, tail))
+    head, tail = (word.replace("_", r"\_") for word in (head, tail))
     words = not tail.startswith("\\") and len(tail) > 1  # a name such as "elbow" stays upright
     index = rf"\mathrm{{{tail}}}" if words else tail
     index = f"{index}_{digit}" if index and digit else index + digit

@@ -1,4 +1,4 @@
-"""Vectors and matrices (3, 3) as lists of numbers and CasADi scalars; zeros and ones never become operations."""
+"""Vectors and matrices (3, 3) as lists of floats and CasADi scalars; zeros and ones never become operations."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ SNAP = 1e-12  # rotation entries and shares closer than this to 0, 1 or -1 are r
 
 def is_zero(a: Entry) -> bool:
     """Return whether an entry is the number 0."""
-    return isinstance(a, int | float) and a == 0
+    return type(a) is float and a == 0.0
 
 
 def add(*entries: Entry) -> Entry:
     """Return the sum, all numbers added first."""
     number, total = 0.0, None
     for entry in entries:
-        if isinstance(entry, int | float):
+        if type(entry) is float:
             number += entry
         else:
             total = entry if total is None else total + entry
@@ -49,9 +49,10 @@ def mul(a: Entry, b: Entry) -> Entry:
     """Return a b."""
     if is_zero(a) or is_zero(b):
         return 0.0
-    for one, other in ((a, b), (b, a)):
-        if isinstance(one, int | float) and one in (1.0, -1.0):
-            return other if one == 1.0 else -other
+    if type(a) is float and abs(a) == 1.0:
+        return b if a == 1.0 else -b
+    if type(b) is float and abs(b) == 1.0:
+        return a if b == 1.0 else -a
     return a * b
 
 

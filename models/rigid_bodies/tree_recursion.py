@@ -16,6 +16,8 @@ from models.rigid_bodies.recursions import Recursions
 from models.rigid_bodies.scalars import Entry, add, column, div, dot, matrix_of, plus, scaled
 from models.rigid_bodies.tree import Tree
 
+MANY = 24  # joints above which the articulated-body algorithm is always the shorter one
+
 
 def entries(expression: ca.SX | ca.DM) -> list[Entry]:
     """Return the components of a column; constants as numbers."""
@@ -102,15 +104,23 @@ class TreeRecursion:
     @property
     def pivots(self) -> ca.SX:
         """(n,) diagonal of D in M = L D L', eliminated from the tip."""
+        if self.recursions.n > MANY and Articulated.exists(self.recursions):
+            return column(self._articulated.pivots)
         return self.factors(True).pivots
 
     @cached_property
     def builds(self) -> tuple[Build, ...]:
         """Composite bodies, and articulated bodies unless rotors couple the joints."""
-        composite = CompositeBuild(self.recursions, self.factors(True))
         if not Articulated.exists(self.recursions):
-            return (composite,)
-        return composite, ArticulatedBuild(Articulated(self.recursions))
+            return (CompositeBuild(self.recursions, self.factors(True)),)
+        articulated = ArticulatedBuild(self._articulated)
+        if self.recursions.n > MANY:
+            return (articulated,)
+        return CompositeBuild(self.recursions, self.factors(True)), articulated
+
+    @cached_property
+    def _articulated(self) -> Articulated:
+        return Articulated(self.recursions)
 
     @property
     def from_base(self) -> Build:

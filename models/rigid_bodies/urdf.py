@@ -62,7 +62,7 @@ def from_urdf(
         assembly = assemble_tree(joints, end, (0.0, 0.0, 0.0))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    return manipulator(root.attributes.get("name") or Path(path).stem, assembly, robot.values.notes)
+    return manipulator(root.attributes.get("name") or Path(path).stem, assembly, robot.values.summary())
 
 
 def _refuse_xacro(root: Element, name: str) -> None:

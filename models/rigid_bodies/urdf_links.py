@@ -79,7 +79,7 @@ def _capsules(link: Element, said: str, values: UrdfValues) -> Iterator[Capsule]
             continue
         shape = geometry.children[0]
         if shape.tag == "mesh":
-            values.notes.append(f"{said}: its collision mesh is not read")
+            values.meshes.append(link.attributes["name"])
             continue
         sizes = _shape(shape, said, values)
         if sizes is not None:

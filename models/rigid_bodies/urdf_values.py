@@ -22,6 +22,22 @@ class UrdfValues:
     path: str
     exact_angles: bool
     notes: list[str] = field(default_factory=list)
+    meshes: list[str] = field(default_factory=list)  # links whose collision meshes are not read
+    angles: list[tuple[str, float]] = field(default_factory=list)  # as in the file, with the change by making it exact
+
+    def summary(self) -> tuple[str, ...]:
+        """Return the notes, with one for all meshes and one for all angles."""
+        result = list(self.notes)
+        if self.angles:
+            text, _ = self.angles[0]
+            largest = max(change for _, change in self.angles)
+            result.append(
+                f"{len(self.angles)} angles such as {text} are read as exact multiples of pi/12; the largest change is "
+                f"{largest:.0e} rad"
+            )
+        if self.meshes:
+            result.append(f"collision meshes are not read: {', '.join(self.meshes)}")
+        return tuple(result)
 
     def origin(self, element: Element, said: str) -> tuple[Array, Array]:
         """Return the rotation (3, 3) and the position (3,) of the <origin> of an element."""
@@ -31,17 +47,17 @@ class UrdfValues:
         position = self.three(origin, "xyz", said, "0 0 0")
         angles = self.three(origin, "rpy", said, "0 0 0")
         if self.exact_angles:
-            angles = [self.snapped_angle(angle, said) for angle in angles]
+            angles = [self.snapped_angle(angle) for angle in angles]
         return roll_pitch_yaw(angles), np.array(position)
 
-    def snapped_angle(self, angle: float, said: str) -> float:
+    def snapped_angle(self, angle: float) -> float:
         """Return an angle, that of a decimal of a multiple of pi/12 made exact."""
         twelfth = np.pi / 12 * round(angle / (np.pi / 12))
         off = abs(angle - twelfth)
         if off > DECIMALS or off == 0.0:
             return angle
         if off > 1e-12:
-            self.notes.append(f"{said}: the angle {angle!r} is read as {twelfth!r}, a multiple of pi/12")
+            self.angles.append((repr(angle), off))
         return float(twelfth)
 
     def three(self, element: Element, key: str, said: str, default: str | None) -> list[float]:
