@@ -5,11 +5,11 @@ from models.effects.drive import ElasticDrive, LaggedDrive
 from models.effects.drive_limits import PowerLimit, TorqueSpeed
 from models.effects.friction import Coulomb, Stribeck, Viscous
 from models.effects.gravity import Gravity
-from models.effects.joint_friction import joint_friction as joint_friction
 from models.effects.joint_stop import JointStop
 from models.effects.motor import MotorDrive, WindingHeat
 from models.effects.payload import Payload
 from models.effects.rotor import RotorInertia
+from models.effects.stated_friction import joint_friction as joint_friction
 from models.effects.tool_force import ToolForce
 
 # For users who write an effect; __all__ lists the effects themselves.

@@ -82,36 +82,6 @@ class Recursions:
             result.append(own)
         return result
 
-    def pose(self, k: int) -> tuple[list[list[Entry]], list[Entry]]:
-        """Return rotation (3, 3) and origin (3,) of a frame of the tree in the base."""
-        pose = self.tree.poses[k]
-        columns, origin = transposed(pose.rotation), list(pose.origin)
-        if pose.link < 0:
-            return transposed(columns), origin
-        turned = self.all_motions.turned[pose.link]
-        if turned is not None:
-            columns, origin = [turned.up(c) for c in columns], turned.up(origin)
-        if k == 0:  # a vector carried to the base link by link is the shortest, products of rotations serve many
-            for i in self.tree.path(pose.link):
-                columns = [self.motions[i].up(c) for c in columns]
-                origin = plus(self.motions[i].up(origin), self.motions[i].origin)
-            return transposed(columns), origin
-        rotation, start = self._placed[pose.link]
-        return product(rotation, transposed(columns)), plus(apply(rotation, origin), start)
-
-    @cached_property
-    def _placed(self) -> list[tuple[list[list[Entry]], list[Entry]]]:
-        """Rotation and origin of the frame of every link in the base."""
-        result: list[tuple[list[list[Entry]], list[Entry]]] = []
-        for i, motion in enumerate(self.motions):
-            own = transposed([motion.up(axis) for axis in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])])
-            if self.parents[i] < 0:
-                result.append((own, list(motion.origin)))
-            else:
-                rotation, start = result[self.parents[i]]
-                result.append((product(rotation, own), plus(apply(rotation, motion.origin), start)))
-        return result
-
     @cached_property
     def composite(self) -> list[LinkInertia]:
         """Inertia of every link with all that it carries."""

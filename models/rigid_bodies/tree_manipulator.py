@@ -12,6 +12,7 @@ from models.machines.manipulator import Body, Coordinate, Drive, Ends, Manipulat
 from models.machines.manipulator import symbols as symbols_of
 from models.rigid_bodies.assembly import Assembly
 from models.rigid_bodies.joint import Joint, Kind
+from models.rigid_bodies.placements import Placements
 from models.rigid_bodies.recursions import Recursions
 from models.rigid_bodies.scalars import column, matrix_of
 from models.rigid_bodies.tree_recursion import TreeRecursion
@@ -29,7 +30,7 @@ def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Man
     coordinates = tuple(Coordinate(joint.name, _unit(joint)) for joint in joints)
     q, v, tau = (symbols_of(letter, coordinates) for letter in ("q", "v", "tau"))
     recursion = TreeRecursion(assembly.tree, q, tuple(joint.name for joint in joints))
-    posed = Recursions(assembly.tree.compact(), q)
+    posed = Placements(Recursions(assembly.tree.compact(), q))
     axes, tool = posed.pose(0)
     bodies = tuple(_body(recursion, posed, i, joint) for i, joint in enumerate(joints))
     metric = recursion.metric
@@ -90,7 +91,7 @@ def _unit(joint: Joint) -> str:
     return "rad" if joint.kind is Kind.REVOLUTE else "m"
 
 
-def _body(recursion: TreeRecursion, posed: Recursions, i: int, joint: Joint) -> Body:
+def _body(recursion: TreeRecursion, posed: Placements, i: int, joint: Joint) -> Body:
     """Return the body of a link with everything fixed to it, in the axes of the user."""
     pose = recursion.tree.poses[1 + i]
     own = recursion.tree.joints[i].inertia
@@ -104,8 +105,8 @@ def _body(recursion: TreeRecursion, posed: Recursions, i: int, joint: Joint) -> 
     return Body(joint.name, own.mass, position, turn, ca.sparsify(to_user @ about @ to_user.T))
 
 
-def _skeleton(assembly: Assembly, posed: Recursions, tool: Sequence[ca.SX | float]) -> ca.SX:
+def _skeleton(assembly: Assembly, posed: Placements, tool: Sequence[ca.SX | float]) -> ca.SX:
     """Return the origins of the joints from the base to the tool as corners (3, k)."""
-    path = list(reversed(posed.tree.path(assembly.tree.poses[0].link)))
+    path = list(reversed(posed.recursions.tree.path(assembly.tree.poses[0].link)))
     corners = [column(posed.pose(1 + i)[1]) for i in path]
     return ca.densify(ca.horzcat(ca.SX(3, 1), *corners, column(tool)))

@@ -79,7 +79,7 @@ def systems() -> tuple[Call, ...]:
         Call("ocp.point_to_point", ocp.point_to_point, {
             "system": A(arm), "q0": A(example.Q0, REAL | {"falling"}),
             "q1": A(example.Q1, REAL | {"falling"}), "minimise": A(ocp.Bolza(1.0)),
-            "horizon": A(Fixed(1.0), OPTIONAL),
+            "horizon": A(Fixed(1.0), OPTIONAL), "limits": A({"v": 3.0}, OPTIONAL | {"map"}, ("no such",)),
             "tau": A([9.0, 9.0, 9.0], AT_LEAST_ZERO | {"none", "inf", "infs", "falling"})}),
     )  # fmt: skip
 
