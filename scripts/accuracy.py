@@ -1,7 +1,7 @@
 """The accuracy bill: what an accuracy costs in seconds, for any forms, schemes, degrees, controls and grids.
 
 Contenders run in turn, repeated; seconds are medians of wall-clock time on one thread and count everything from the
-equations to the answer. Errors are true ones, against a reference whose own error is stated.
+equations to the solution. Errors are true ones, against a reference whose own error is stated.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def bill(scene: Scene, options: argparse.Namespace) -> dict[str, object]:
         every = curves(rows, truth)
         best = front([point for curve in every for point in curve.points])
         optimal = [(curve.name, point.label) for curve in every for point in curve.points if point in best]
-        silent = {name: missing(name) or "no answer" for name in options.peers}
+        silent = {name: missing(name) or "no solution" for name in options.peers}
         absent = {name: why for name, why in silent.items() if not any(c.name.startswith(name) for c in every)}
         words = recommend(every, options.tolerance, unit, quantity)
         parts += [
@@ -154,7 +154,13 @@ def command_line() -> argparse.ArgumentParser:
     add("--machine", choices=TASKS, default="spherical", help="which manipulator (default: %(default)s)")
     add("--from", dest="q0", nargs="+", type=float, metavar="Q", help="start, at rest [rad or m]")
     add("--to", dest="q1", nargs="+", type=float, metavar="Q", help="end, at rest [rad or m]")
-    add("--limit", nargs="+", type=float, metavar="F", help="magnitude of every drive [N m or N]")
+    add(
+        "--limit",
+        nargs="+",
+        type=float,
+        metavar="F",
+        help="largest force of every drive [N m or N]",
+    )
     add("--problem", nargs="+", choices=CASES, help="problems of the benchmark instead of a machine")
     add("--forms", nargs="+", choices=FORMS, help="forms of the equations")
     add("--schemes", nargs="+", choices=SCHEMES, help="collocation schemes")

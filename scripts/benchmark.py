@@ -27,7 +27,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from benchmarks.problems import CASES, Case, Outcome, numbers
+from benchmarks.problems import CASES, Case, RunResult, numbers
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -36,7 +36,7 @@ from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
 
 GRIDS = (25, 50, 100, 200, 400, 800)
 SCALING_GRIDS = (25, 35, 50, 70, 100, 140)
-UNLIKE = ("P2", "cylindrical", "torus")  # problems whose controls have unlike magnitudes
+UNLIKE = ("P2", "cylindrical", "torus")  # problems whose controls have unlike scales
 VARIANTS = {"element": reference.by_elements, "map": reference.by_map, "sx": reference.by_graph}
 SOLVED_UP_TO = {"map": 200, "sx": 200}  # elements; on larger grids only the set-up is of interest
 CONTENDERS = {
@@ -53,7 +53,7 @@ COLOURS = {name: f"C{k}" for k, name in enumerate(CONTENDERS)}
 COLUMNS = ("setup", "derivatives", "solver", "total", "cpu", "iterations", "cost", "error", "drift")
 UNITS = {"iterations": "1", "cost": "s or 1", "error": "as cost", "drift": "share of the largest state"}
 
-Results = dict[tuple[str, int, str], list[Outcome]]  # by problem, elements, contender
+Results = dict[tuple[str, int, str], list[RunResult]]  # by problem, elements, contender
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for name in options.contenders:
                 if absent.get(name) and n != options.grids[0]:
                     continue
-                row = record(problem, results[problem, n, name])
+                row = medians(problem, results[problem, n, name])
                 figures = " ".join(f"{row[column]:11.5g}" for column in COLUMNS).replace("nan", "  -")
                 print(f"{n:4d} {name:9s}  {figures}  {results[problem, n, name][-1].note}".rstrip(), flush=True)
     print("\nRatios of this run: medians over the rounds")
@@ -117,7 +117,7 @@ def measure(results: Results, problem: str, n: int, absent: dict[str, str], opti
             runs = results.setdefault((problem, n, name), [])
             stopped = [m for m in options.grids if m < n and results[problem, m, name][-1].note.startswith("stopped")]
             if absent.get(name) or stopped:
-                runs[:] = [Outcome(note=absent.get(name) or f"left out, stopped at N = {stopped[0]}")]
+                runs[:] = [RunResult(note=absent.get(name) or f"left out, stopped at N = {stopped[0]}")]
             elif not runs or not (runs[-1].note or sum(run.busy for run in runs) > options.budget):
                 case = CASES[problem]()
                 gc.collect()
@@ -131,20 +131,20 @@ def measure(results: Results, problem: str, n: int, absent: dict[str, str], opti
                     runs.append(own(case, n, settings, handed, first=not runs))
 
 
-def own(case: Case, n: int, settings: Ipopt, guess: Guess | None, first: bool) -> Outcome:
+def own(case: Case, n: int, settings: Ipopt, guess: Guess | None, first: bool) -> RunResult:
     """Run this project; what `solve` does besides derivatives and solver counts as set-up, its own guess included."""
     problem = case.problem()
     cpu, begun = time.process_time(), time.perf_counter()
     solution = solve(problem, grid=uniform(n), solver=settings, guess=guess)
     spent, cpu = time.perf_counter() - begun, time.process_time() - cpu
     inside, solver = solution.timings.derivatives, solution.timings.solver
-    return Outcome(
+    return RunResult(
         spent - inside - solver, inside, solver, cpu, solution.iterations, solution.cost,
         float(verify(solution).drift) if first else float("nan"), "" if solution.ok else solution.message,
     )  # fmt: skip
 
 
-def record(problem: str, runs: Sequence[Outcome]) -> dict[str, float]:
+def medians(problem: str, runs: Sequence[RunResult]) -> dict[str, float]:
     """Return the medians of the runs of a contender, by column."""
     known = CASES[problem]().known
     row = {}
@@ -174,8 +174,8 @@ def totals(results: Results) -> list[str]:
                         f"{problem} N = {n}: {name} / element in total {shares['total']:.2f}, goal 1.15 ({parts})"
                     )
             others = [(name, ratio(results, problem, (n, name), (n, "hamel"), "total")) for name in CONTENDERS]
-            found = [f"{name} {share:.3g}" for name, share in others if np.isfinite(share) and name != "hamel"]
-            lines += [f"{problem} N = {n}: in total, times hamel: {', '.join(found)}"] if found else []
+            result = [f"{name} {share:.3g}" for name, share in others if np.isfinite(share) and name != "hamel"]
+            lines += [f"{problem} N = {n}: in total, times hamel: {', '.join(result)}"] if result else []
     return lines
 
 
@@ -185,7 +185,7 @@ def setups(results: Results) -> list[str]:
     for problem in dict.fromkeys(key[0] for key in results):
         for name in ("hamel", "given", "element"):
             seconds = {
-                n: record(problem, runs)["setup"]
+                n: medians(problem, runs)["setup"]
                 for (p, n, who), runs in results.items()
                 if (p, who) == (problem, name)
             }
@@ -193,7 +193,7 @@ def setups(results: Results) -> list[str]:
                 continue
             grids = sorted(seconds)
             low, high = grids[0], grids[-1]
-            # The median of all slopes is deaf to one grid that was measured at a bad moment.
+            # The median of all slopes does not depend on one grid that was measured at a bad moment.
             slope = np.median([(seconds[n] - seconds[m]) / (n - m) for m, n in combinations(grids, 2)])
             rest = (seconds[high] - slope * (high - low)) / seconds[low]
             graph = ratio(results, problem, (high, name), (high, "sx"), "setup")
@@ -236,7 +236,7 @@ def write_csv(results: Results, path: Path) -> None:
         head = ["problem", "elements", "contender", "runs"]
         writer.writerow([*head, *(f"{name} [{UNITS.get(name, 's')}]" for name in COLUMNS), "note"])
         for (problem, n, name), runs in results.items():
-            row = record(problem, runs)
+            row = medians(problem, runs)
             done = sum(not run.note for run in runs)
             writer.writerow([problem, n, name, done, *(repr(row[column]) for column in COLUMNS), runs[-1].note])
 
@@ -271,7 +271,9 @@ def draw(results: Results, path: Path) -> None:
 def curve(axis: Axes, results: Results, problem: str, column: str, style: str) -> None:
     """Draw one column of every contender that has it."""
     for name in CONTENDERS:
-        rows = [(key[1], record(problem, runs)[column]) for key, runs in results.items() if key[::2] == (problem, name)]
+        rows = [
+            (key[1], medians(problem, runs)[column]) for key, runs in results.items() if key[::2] == (problem, name)
+        ]
         points = [row for row in rows if np.isfinite(row[1])]
         if points:
             axis.plot(*zip(*points, strict=True), style, color=COLOURS[name], markersize=3, linewidth=1.2)

@@ -1,7 +1,7 @@
 """Time-optimal motion of a manipulator: solve, verify, recover the drive torques, draw pictures, write a report.
 
 The default is the spherical manipulator under gravity in canonical form, rest to rest. Angles are in rad, lengths in
-m, torques in N m and forces in N, in the order of the coordinates. A scene file says it all; see --template.
+m, torques in N m and forces in N, in the order of the coordinates. A scene file holds everything; see --template.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def write(
         scene: of the motion.
         task: with its obstacles.
         rows: times (K,) and q, v, a, tau (K, 4 n).
-        verified: whether the title need not say that it is not.
+        verified: False adds to the title that it is not.
         options: with output and formats.
     """
     machine, legs, folder = scene.machine, phases(solution)[0], options.output
@@ -166,7 +166,7 @@ def write(
 def chosen(parser: argparse.ArgumentParser, options: argparse.Namespace) -> tuple[Scene, Task, Table]:
     """Return scene, task and document of a file, or the default ones of a machine, with what the options change."""
     if options.scene is not None and options.machine is not None:
-        parser.error("--machine: the scene file says which machine; leave one of them out")
+        parser.error("--machine: the scene file names the machine; leave one of them out")
     name = options.machine or "spherical"
     document = (
         parse(scene_text(name), f"default scene, {name}") if options.scene is None else read_document(options.scene)
@@ -210,7 +210,13 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--frame", help="frame of the quasi-velocities: regular (default), paper, ldl, udu; torus more")
     parser.add_argument("--from", dest="q0", nargs="+", type=float, metavar="Q", help="start, at rest [rad or m]")
     parser.add_argument("--to", dest="q1", nargs="+", type=float, metavar="Q", help="end, at rest [rad or m]")
-    parser.add_argument("--limit", nargs="+", type=float, metavar="F", help="magnitude of every drive [N m or N]")
+    parser.add_argument(
+        "--limit",
+        nargs="+",
+        type=float,
+        metavar="F",
+        help="largest force of every drive [N m or N]",
+    )
     parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
     add_own_models(parser)
     add_output(parser, "CSV, NPZ, pictures and report")

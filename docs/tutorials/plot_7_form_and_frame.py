@@ -24,9 +24,21 @@ def instructions(system):
 
 
 print(f"{'machine':12s} {'canonical':>10s} {'hamel':>10s} {'lagrange':>10s}")
+table = {}
 for make in (cylindrical, spherical, torus):
     counts = [instructions(form(make(), [Gravity()])) for form in (canonical, hamel, lagrange)]
+    table[make.__name__] = counts
     print(f"{make.__name__:12s} {counts[0]:10d} {counts[1]:10d} {counts[2]:10d}")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+figure, axes = plt.subplots(figsize=(6, 3), layout="constrained")
+for k, form in enumerate(("canonical", "hamel", "lagrange")):
+    axes.bar(np.arange(3) + 0.27 * (k - 1), [counts[k] for counts in table.values()], 0.25, label=form)
+axes.set_xticks(range(3), list(table))
+axes.set_ylabel("instructions of x' = f(x, u)")
+axes.legend(frameon=False)
 
 # %%
 # Frames

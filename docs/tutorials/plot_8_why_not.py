@@ -22,6 +22,13 @@ print(weak.status)
 print(weak.message)
 
 # %%
+# The last iterate is kept, and can be drawn: the lift is at its limit and does not carry its load.
+
+from models import plots
+
+plots.motion(weak, cylindrical())
+
+# %%
 # The remedy that the message names
 # ---------------------------------
 

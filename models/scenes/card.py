@@ -26,7 +26,7 @@ def scene_card(
         frame: name of the frame.
         system: with all effects.
         machine: name -> value of the parameters of the machine, SI and radians.
-        prices: what each effect adds, one for each effect.
+        prices: instructions, states and controls that each effect adds, one for each effect.
         bare: the system without effects.
     """
     lines = [

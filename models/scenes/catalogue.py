@@ -18,8 +18,8 @@ _included: dict[str, Any] = {}  # machines and effects of the user, by the name 
 def include(module: ModuleType) -> tuple[str, ...]:
     """Make machines and effects of a module known to scene files, until the process ends.
 
-    Functions with named numbers only that say they return a Manipulator are machines; dataclasses whose call says that
-    it returns Terms are effects. What the module imports from elsewhere is left out.
+    Functions with named numbers only annotated to return a Manipulator are machines; dataclasses whose call is
+    annotated to return Terms are effects. What the module imports from elsewhere is left out.
 
     Args:
         module: of the user.

@@ -41,8 +41,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not callable(self.form) or isinstance(self.form, type):
-            told = checks.shown(self.form)
-            raise TypeError(f"Scene: form is {told}, expected canonical, hamel or lagrange")
+            shown = checks.shown(self.form)
+            raise TypeError(f"Scene: form is {shown}, expected canonical, hamel or lagrange")
         system = self.form(self.machine, self.effects, self.frame)
         checks.instance("Scene: system of the form", system, System, "a System, as canonical, hamel or lagrange give")
         object.__setattr__(self, "effects", tuple(self.effects))
@@ -73,7 +73,7 @@ class Scene:
 
     @cached_property
     def prices(self) -> tuple[Price, ...]:
-        """What each effect costs in instructions: the count with it minus the count without."""
+        """Instruction count of each effect: that of the rate with it minus that without."""
         return prices(self.system, self.effects, lambda effect: self.without(effect).system)
 
     def without(self, effect: Effect) -> Scene:
@@ -89,7 +89,7 @@ class Scene:
         return Scene(self.machine, kept, self.form, self.frame)
 
     def card(self) -> str:
-        """Return the scene as a page of text: states, controls, parameters, limits, signals, instructions, prices."""
+        """Return the scene as a page of text: states, controls, parameters, limits, signals, instruction counts."""
         title = f"{self.machine.name} manipulator, {self.form_name} form, frame {self.frame_name}"
         bare = self.form(self.machine, (), self.frame)
         return scene_card(title, self.frame_name, self.system, self.machine.nominal, self.prices, bare)

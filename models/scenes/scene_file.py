@@ -128,7 +128,9 @@ def _value(field: Field[Any], parts: tuple[Label, ...], table: Table) -> object:
     if isinstance(value, dict):
         inner = table.inner(spelled, value)
         if spelled != name:
-            raise table.error(spelled, f"in a table each angle says it: {name} = {{ {parts[0].name}_deg = ... }}")
+            raise table.error(
+                spelled, f"in a table each angle has the suffix: {name} = {{ {parts[0].name}_deg = ... }}"
+            )
         inner.only(spellings(parts))
         return tuple(inner.number(p.name, p.unit) if inner.has(p.name) else None for p in parts)
     if spelled != name:

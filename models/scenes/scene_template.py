@@ -32,7 +32,7 @@ class Default:
     q1: tuple[float, ...]
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
-    limit: tuple[float, ...]  # magnitude of every drive [N m or N]
+    limit: tuple[float, ...]  # largest force of every drive, in both directions [N m or N]
 
 
 TASKS = {
@@ -111,7 +111,8 @@ def _task(machine: Manipulator, task: Default) -> Iterator[str]:
     half_way = [(a + b) / 2 for a, b in zip(task.q0, task.q1, strict=True)]
     forces = ", ".join(c.force_unit for c in machine.coordinates)
     yield from (
-        "# Along the motion: any signal of the scene (see --card), as magnitudes or { lower = ..., upper = ... }.",
+        "# Along the motion: any signal of the scene (see --card), as one number for both directions or",
+        "# { lower = ..., upper = ... }.",
         "[limits]",
         f"q = {{ lower = {_toml(task.q_min)}, upper = {_toml(task.q_max)} }}  # {units}",
         f"tau = {_toml(task.limit)}  # {forces}",

@@ -88,7 +88,7 @@ class Task:
         return "\n".join(lines)
 
     def known_to(self, system: System) -> Task:
-        """Return the task without what it says about signals that the system does not have."""
+        """Return the task without its limits and weights of signals that the system does not have."""
 
         def kept(given: tuple[Interval, ...]) -> tuple[Interval, ...]:
             return tuple(i for i in given if i.signal in system.signals and system[i.signal].numel() == len(i.lower))

@@ -70,7 +70,7 @@ def read_task(document: Table, scene: Scene) -> Task:
     limits, results = machine_limits(limits, scene.machine)
     named = _signals(limits, system)
     results = [one for one in results if one.signal not in named]
-    results += [read_interval(limits, name, system, magnitudes=True) for name in named]
+    results += [read_interval(limits, name, system, both_sides=True) for name in named]
     document.require("task")
     table = document.table("task")
     table.only(["from", "from_deg", "to", "to_deg", "via", "obstacles", "minimise", "horizon", "elements"])
@@ -106,14 +106,14 @@ def read_task(document: Table, scene: Scene) -> Task:
     return task
 
 
-def read_interval(table: Table, name: str, system: System, magnitudes: bool) -> Interval:
-    """Return what an entry says about a signal: values, magnitudes, or { lower = ..., upper = ... }.
+def read_interval(table: Table, name: str, system: System, both_sides: bool) -> Interval:
+    """Return the interval of a signal in an entry: values, limits in both directions, or { lower = ..., upper = ... }.
 
     Args:
         table: with the entry.
         name: of the signal; the entry may have `_deg` behind it.
         system: with the signal.
-        magnitudes: whether plain numbers limit the size of the signal, not its value.
+        both_sides: whether plain numbers are limits in both directions, not values.
 
     Raises:
         SceneError: a wrong number, or lower > upper.
@@ -128,14 +128,14 @@ def read_interval(table: Table, name: str, system: System, magnitudes: bool) -> 
             if low > high:
                 raise inner.error("", f"lower {low:g} is above upper {high:g} {part.unit} for {part.name}")
         return Interval(name, lower, upper)
-    if not magnitudes:
+    if not both_sides:
         values = table.column(name, parts)
         return Interval(name, values, values)
     sizes = table.column(name, parts, np.inf)
     for part, size in zip(parts, sizes, strict=True):
         if size < 0.0:
             spelled = name if name in table.entries else f"{name}_deg"
-            raise table.error(spelled, f"got {size:g} {part.unit} for {part.name}, expected magnitudes >= 0, "
+            raise table.error(spelled, f"got {size:g} {part.unit} for {part.name}, expected numbers >= 0, "
                               "or { lower = ..., upper = ... }")  # fmt: skip
     return Interval(name, tuple(-size for size in sizes), sizes)
 
@@ -143,8 +143,8 @@ def read_interval(table: Table, name: str, system: System, magnitudes: bool) -> 
 def _parts(system: System, name: str) -> tuple[Label, ...]:
     """Return the components of a signal; those of coordinates, velocities and forces by the coordinate's name."""
     labels, coordinates = system.label(name, system[name].numel()), system.label("q", system["q"].numel())
-    alike = len(labels) == len(coordinates) and name.split("_")[-1] in ("q", "v", "tau")
-    return tuple(Label(c.name, part.unit) for c, part in zip(coordinates, labels, strict=True)) if alike else labels
+    same = len(labels) == len(coordinates) and name.split("_")[-1] in ("q", "v", "tau")
+    return tuple(Label(c.name, part.unit) for c, part in zip(coordinates, labels, strict=True)) if same else labels
 
 
 def _signals(table: Table, system: System) -> list[str]:
@@ -164,8 +164,8 @@ def _pose(table: Table, name: str, scene: Scene) -> tuple[Interval, ...]:
     if isinstance(value, dict) and not any(key in spellings(parts) for key in value):
         inner = table.inner(name, value)
         if not value:
-            raise inner.error("", f"says nothing; expected {', '.join(map(str, parts))}, or signals by name")
-        return tuple(read_interval(inner, signal, system, magnitudes=False) for signal in _signals(inner, system))
+            raise inner.error("", f"is empty; expected {', '.join(map(str, parts))}, or signals by name")
+        return tuple(read_interval(inner, signal, system, both_sides=False) for signal in _signals(inner, system))
     values = table.column(name, parts)
     return (Interval("q", values, values),)
 
@@ -178,7 +178,7 @@ def _cost(table: Table, system: System) -> tuple[float, Weights, Weights]:
     inner = table.table("minimise")
     inner.only(["time", "squares", "integral"])
     if not inner.entries:
-        raise inner.error("", "says nothing; expected time, squares or integral")
+        raise inner.error("", "is empty; expected time, squares or integral")
     results = {}
     for kind in ("squares", "integral"):
         weights = inner.table(kind)

@@ -1,4 +1,4 @@
-"""A TOML document whose tables say where they stand when something in them is wrong."""
+"""A TOML document whose tables know their file and line, for messages."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class Table:
         self, name: str, inner: Table, parts: Sequence[Label], missing: float | None, degrees: bool
     ) -> tuple[float, ...]:
         if degrees:
-            raise self.error(name, f"in a table each angle says it: {name.removesuffix('_deg')} = "
+            raise self.error(name, f"in a table each angle has its own suffix: {name.removesuffix('_deg')} = "
                              f"{{ {parts[0].name}_deg = ... }}")  # fmt: skip
         inner.only(spellings(parts))
         absent = [part.name for part in parts if not inner.has(part.name)]

@@ -29,15 +29,15 @@ SETTINGS = Ipopt(progress=False)
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run of a contender; seconds count everything from the equations to the answer."""
+    """One run of a contender; seconds count everything from the equations to the solution."""
 
     label: str
     cost: float
     setup: float  # [s]; equations, transcription, derivatives of the graph, guess
-    derivatives: float  # evaluation of cost, constraints and their derivatives [s]; nan if not told apart
+    derivatives: float  # evaluation of cost, constraints and their derivatives [s]; nan if not reported
     solver: float  # the rest [s]
     solution: Solution | None = None  # None for other tools
-    note: str = ""  # why there is no answer
+    note: str = ""  # why there is no solution
 
     @property
     def total(self) -> float:
@@ -129,7 +129,7 @@ def of_peer(name: str, grids: Sequence[int], limit: float) -> Contender:
 
 
 def counted(label: str, solution: Solution, elapsed: float) -> Run:
-    """Return the run that led to a solution in `elapsed` seconds; what the solver does not tell is set-up."""
+    """Return the run that led to a solution in `elapsed` seconds; what the solver does not report counts as set-up."""
     inside, solver = solution.timings.derivatives, solution.timings.solver
     note = "" if solution.ok else solution.message
     return Run(label, solution.cost, max(elapsed - inside - solver, 0.0), inside, solver, solution, note)

@@ -46,10 +46,10 @@ def of_dymos(method: str, limit: float) -> Contender:
             return
         command = [sys.executable, "-m", "accuracy_bill.dymos", scene.peer, method]
         try:
-            said = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=environment()).stdout
+            printed = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=environment()).stdout
         except subprocess.TimeoutExpired as late:
-            said = late.stdout or b""
-        passes = [json.loads(line) for line in said.decode().splitlines() if line.startswith('{"seconds"')]
+            printed = late.stdout or b""
+        passes = [json.loads(line) for line in printed.decode().splitlines() if line.startswith('{"seconds"')]
         for k, result in enumerate(passes):
             label = f"pass {k}, {result['elements']} elements, degree {result['degree']}"
             note = "" if result["solved"] else "the solver failed"
@@ -72,7 +72,7 @@ def main(name: str, method: str) -> None:
         setup, once = time.perf_counter() - begun, problem.run_driver
         phase = problem.model.traj.phases.phase
 
-        def told(*args: Any, **named: Any) -> Any:
+        def reported(*args: Any, **named: Any) -> Any:
             result = once(*args, **named)
             grid = phase.options["transcription"].options
             account = {
@@ -84,7 +84,7 @@ def main(name: str, method: str) -> None:
             print(f"\n{json.dumps(account)}", flush=True)
             return result
 
-        problem.run_driver = told
+        problem.run_driver = reported
         dymos.run_problem(problem, refine_method=method, refine_iteration_limit=PASSES)
 
 

@@ -45,7 +45,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Progress:
-    """Tells on one line what is being measured: elapsed seconds, cases done."""
+    """Shows on one line what is being measured: elapsed seconds, cases done."""
 
     write: Callable[[str], object]
     begun: float = field(default_factory=time.perf_counter)
@@ -70,7 +70,7 @@ def measure(
         scene: they run on.
         repeats: number of rounds.
         budget: seconds; no contender is repeated that would probably end later. The first round is complete.
-        progress: is told of every contender and round.
+        progress: called with the name of every contender and round.
     """
     runs: dict[tuple[str, str], list[Run]] = {}
     rows: dict[tuple[str, str], Row] = {}
@@ -106,12 +106,12 @@ def verified(row: Row, solution: Solution) -> Row:
 
 
 def against(rows: Sequence[Row], reference: Reference) -> list[Row]:
-    """Return the rows with their true errors, as far as the reference tells them."""
+    """Return the rows with their true errors, as far as the reference allows."""
     return [replace(row, error=abs(row.cost - reference.cost)) for row in rows]
 
 
 def curves(rows: Sequence[Row], reference: Reference) -> list[Curve]:
-    """Return the curve of every contender with an answer; errors below that of the reference count as that."""
+    """Return the curve of every contender with a solution; errors below that of the reference count as that."""
     results = []
     for name in dict.fromkeys(row.contender for row in rows if not row.note):
         own = [row for row in rows if row.contender == name and not row.note]

@@ -1,4 +1,4 @@
-"""Curves of error against seconds: the Pareto front, the price of an accuracy, and a recommendation in words."""
+"""Curves of error against seconds: the Pareto front, the seconds to a tolerance, and a recommendation in words."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def front(points: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(best)
 
 
-def price(curve: Curve, tolerance: float) -> float:
+def seconds_to(curve: Curve, tolerance: float) -> float:
     """Return the seconds that an error of at most `tolerance` costs on one curve; inf if it does not reach it.
 
     On a continuous curve log(seconds) is interpolated linearly in log(error) between two neighbours; on others the
     cheapest point that is accurate enough is paid in full.
     """
     if not tolerance > 0.0:
-        raise ValueError(f"price: tolerance is {tolerance}, expected a number > 0")
+        raise ValueError(f"seconds_to: tolerance is {tolerance}, expected a number > 0")
     points = [p for p in curve.lasting if math.isfinite(p.error) and math.isfinite(p.seconds)]
     enough = [k for k, point in enumerate(points) if point.error <= tolerance]
     if not enough:
@@ -110,7 +110,7 @@ def recommend(curves: Sequence[Curve], tolerance: float, unit: str, what: str) -
     if further[1].label == point.label and further[0].name == curve.name:
         reached = f"{point.error:.1e} {unit}".rstrip()
         return f"{text}; ten times more accuracy costs nothing more: the same run is at {reached}."
-    ratio = min(price(c, tolerance / 10.0) for c in curves) / min(price(c, tolerance) for c in curves)
+    ratio = min(seconds_to(c, tolerance / 10.0) for c in curves) / min(seconds_to(c, tolerance) for c in curves)
     by = f" ({_named(*further)})" if further[0].name != curve.name else ""
     return f"{text}; ten times more accuracy costs {ratio:.1f} times the time{by}."
 

@@ -27,7 +27,7 @@ def diagram(axes: Axes, curves: Sequence[Curve], floor: float, heading: str, err
     Args:
         axes: to draw on.
         curves: of the contenders; points with an error or seconds of 0 or not finite are left out.
-        floor: error of the reference, below which nothing can be told apart; drawn as a band.
+        floor: error of the reference, below which nothing can be distinguished; drawn as a band.
         heading: above the diagram.
         error: label of the error axis, with its unit.
         spent: label of the axis of seconds.

@@ -41,7 +41,7 @@ def reference(scene: Scene) -> Reference:
 def polished(scene: Scene) -> Reference | None:
     """Return the cost of a polished solution; None if it cannot be polished.
 
-    Two polishes with other schemes on the arcs and tolerances a hundred times apart tell the error.
+    Two polishes with other schemes on the arcs and tolerances a hundred times apart give the error.
     """
     form = next(iter(scene.problems))
     for n in POLISHED_FROM:
@@ -59,7 +59,7 @@ def polished(scene: Scene) -> Reference | None:
 
 
 def extrapolated(scene: Scene, grids: tuple[int, int]) -> Reference:
-    """Return the cost on the finer grid less what the step from the coarser one tells about the rest.
+    """Return the cost on the finer grid less what the step from the coarser one implies for the rest.
 
     With one control value for each element the cost converges as h^2 from above, irregularly where switches move
     within elements: a third of the last step is left. The stated error is the whole step.

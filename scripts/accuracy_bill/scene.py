@@ -71,7 +71,7 @@ def machine_scene(
     Args:
         name: of the machine in scripts/template.py.
         q0, q1: (n,) start and end [rad or m]; None for the default task.
-        limit: (n,) magnitude of every drive [N m or N].
+        limit: (n,) largest force of every drive, in both directions [N m or N].
 
     Raises:
         ValueError: sizes disagree.

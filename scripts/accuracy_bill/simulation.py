@@ -146,8 +146,8 @@ def measure(
                 raise RuntimeError(f"measure: no reference for the form {name}: {motion.message}")
             kept.append(np.hstack([motion.signal("q"), motion.signal("v")]))
     reference = np.mean(references, axis=0)
-    span = np.max(np.abs(reference), axis=0)
-    size = np.where(span > 0.0, span, 1.0)
+    largest = np.max(np.abs(reference), axis=0)
+    size = np.where(largest > 0.0, largest, 1.0)
     own = max(float(np.max(np.abs(one - reference) / size)) for one in (*references, *rougher))
     seconds: dict[tuple[str, Setting], list[float]] = {}
     errors: dict[tuple[str, Setting], tuple[float, int]] = {}

@@ -10,7 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from accuracy_bill.measurement import Row
-from accuracy_bill.pareto_front import Curve, price
+from accuracy_bill.pareto_front import Curve, seconds_to
 from ocp.numerics.files import written_whole
 
 SECONDS = ("setup", "derivatives", "solver", "total")
@@ -45,7 +45,7 @@ def as_markdown(rows: Sequence[Row], quantity: str, unit: str, optimal: Sequence
         quantity: name of the cost.
         unit: of the cost.
         optimal: (contender, label) of the runs on the front.
-        floor: error of the reference; what is below cannot be told.
+        floor: error of the reference; smaller errors cannot be distinguished.
     """
     of = f" [{unit}]" if unit else ""
     head = (
@@ -81,8 +81,10 @@ def to_accuracy(curves: Sequence[Curve], tolerances: Sequence[float], unit: str,
             lines.append(_line([curve.name, *["-"] * len(tolerances), "breaks limits between nodes"]))
             continue
         best = min(curve.lasting, key=lambda p: (p.error, p.seconds))
-        cells = [_seconds(price(curve, t)) for t in tolerances]
-        cells = [cell if math.isfinite(price(curve, t)) else "-" for cell, t in zip(cells, tolerances, strict=True)]
+        cells = [_seconds(seconds_to(curve, t)) for t in tolerances]
+        cells = [
+            cell if math.isfinite(seconds_to(curve, t)) else "-" for cell, t in zip(cells, tolerances, strict=True)
+        ]
         lines.append(_line([curve.name, *cells, f"{best.error:.1e} in {_seconds(best.seconds)} s, {best.label}"]))
     lines += [_line([name, *["-"] * len(tolerances), why]) for name, why in absent.items()]
     return "\n".join(lines) + "\n"

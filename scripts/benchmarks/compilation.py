@@ -13,9 +13,9 @@ from ocp import Ipopt, Prepared, Solution, prepare, uniform
 
 
 def _solved(prepared: Prepared) -> Solution:
-    answer = prepared()
-    assert isinstance(answer, Solution)
-    return answer
+    solution = prepared()
+    assert isinstance(solution, Solution)
+    return solution
 
 
 def measure(name: str, elements: int, repeats: int) -> str:
@@ -35,12 +35,12 @@ def measure(name: str, elements: int, repeats: int) -> str:
         made, result = new.compilations[0], again.compilations[0]
         if made.note or not result.cached:
             return f"{name:12s} {elements:8d}   {made.note or 'the library was not found again'}"
-        answers = [[_solved(kind) for kind in kinds] for _ in range(repeats)]
-    plain, compiled = zip(*answers, strict=True)
+        pairs = [[_solved(kind) for kind in kinds] for _ in range(repeats)]
+    plain, compiled = zip(*pairs, strict=True)
     whole = [median(s.timings.derivatives + s.timings.solver for s in kind) for kind in (plain, compiled)]
     parts = [median(s.timings.derivatives for s in kind) for kind in (plain, compiled)]
     ratio = median(
-        (b.timings.derivatives + b.timings.solver) / (a.timings.derivatives + a.timings.solver) for a, b in answers
+        (b.timings.derivatives + b.timings.solver) / (a.timings.derivatives + a.timings.solver) for a, b in pairs
     )
     gained = whole[0] * (1.0 - ratio)
     pays = f"{made.seconds / gained:7.0f}" if gained > 0.0 else "  never"

@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.problems import Case, Numbers, Outcome
+from benchmarks.problems import Case, Numbers, RunResult
 from ocp.checks import Array
 
 DEGREE = 3
@@ -47,7 +47,7 @@ class Element:
     time: float  # cost of one unit of T
 
 
-def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, solve_too: bool) -> Outcome:
+def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, solve_too: bool) -> RunResult:
     """Set a case up with one of the variants and solve it from given numbers."""
     cpu, begun = time.process_time(), time.perf_counter()
     n = len(given.u)
@@ -57,13 +57,13 @@ def solve(derive: Callable[[Element, int], Parts], case: Case, given: Numbers, s
     z0, low, high = point_and_bounds(case, given, element)
     started = time.perf_counter()
     if not solve_too:
-        return Outcome(started - begun, cpu=time.process_time() - cpu, setup_only=True)
+        return RunResult(started - begun, cpu=time.process_time() - cpu, setup_only=True)
     result = solver(x0=z0, lbx=low, ubx=high, lbg=0.0, ubg=0.0)
     spent = time.perf_counter() - started
     stats = solver.stats()
     inside = sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_"))
     note = "" if stats["return_status"] == "Solve_Succeeded" else str(stats["return_status"])
-    return Outcome(
+    return RunResult(
         started - begun, inside, max(spent - inside, 0.0), time.process_time() - cpu,
         stats["iter_count"], given.cost_scale * float(result["f"]), note=note,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Other tools on the problems of the benchmark, each used as its manual says, where they are installed.
+"""Other tools on the problems of the benchmark, each used as in its manual, where they are installed.
 
 rockit     Radau of degree 3, one constant control on each element, scaled unknowns: the same NLP as ours
 pyomo.dae  the same scheme, physical units; its NL file is solved by the IPOPT of CasADi, and reading it is not counted
@@ -25,11 +25,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.problems import CASES, Case, Numbers, Outcome, numbers
+from benchmarks.problems import CASES, Case, Numbers, RunResult, numbers
 from ocp import Ipopt
 from ocp.checks import Array
 
-Peer = Callable[[Case, Numbers], Outcome]
+Peer = Callable[[Case, Numbers], RunResult]
 WARM_UP = 4  # elements of the run that is not counted
 TOLERANCE = 1e-9
 
@@ -59,31 +59,31 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
 
 
-def run(name: str, problem: str, elements: int, limit: float) -> Outcome:
+def run(name: str, problem: str, elements: int, limit: float) -> RunResult:
     """Run a peer in a process of its own, for at most `limit` seconds."""
     command = [sys.executable, "-m", "benchmarks.peers", name, problem, str(elements)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=limit, check=False, text=True, env=environment())
     except subprocess.TimeoutExpired:
-        return Outcome(note=f"stopped after {limit:g} s")
-    said = done.stdout.splitlines()
-    if done.returncode or not said:
-        return Outcome(note=f"its process ended with {done.returncode}")
-    return Outcome(**json.loads(said[-1]))
+        return RunResult(note=f"stopped after {limit:g} s")
+    printed = done.stdout.splitlines()
+    if done.returncode or not printed:
+        return RunResult(note=f"its process ended with {done.returncode}")
+    return RunResult(**json.loads(printed[-1]))
 
 
 def main(name: str, problem: str, elements: int) -> None:
-    """Run one peer and print its outcome on a line of its own."""
+    """Run one peer and print its result on a line of its own."""
     try:
         for count in (WARM_UP, elements):
             case = CASES[problem]()
-            outcome = PEERS[name](case, numbers(case, count, Ipopt()))
-    except Exception as error:  # a peer may fail in any way; the row says how
-        outcome = Outcome(note=f"{type(error).__name__}: {' '.join(str(error).split())}"[:60])
-    print(f"\n{json.dumps(asdict(outcome))}")
+            result = PEERS[name](case, numbers(case, count, Ipopt()))
+    except Exception as error:  # a peer may fail in any way; the row shows how
+        result = RunResult(note=f"{type(error).__name__}: {' '.join(str(error).split())}"[:60])
+    print(f"\n{json.dumps(asdict(result))}")
 
 
-def rockit(case: Case, given: Numbers) -> Outcome:
+def rockit(case: Case, given: Numbers) -> RunResult:
     """Run rockit."""
     tool = importlib.import_module("rockit")
 
@@ -112,13 +112,13 @@ def rockit(case: Case, given: Numbers) -> Outcome:
     solution = stage.solve()
     everything, stats = time.perf_counter() - begun, solution.stats
     inside, spent = _inside(stats), stats["t_wall_total"]
-    return Outcome(
+    return RunResult(
         everything - spent, inside, spent - inside, time.process_time() - cpu, stats["iter_count"],
         float(solution.value(stage.objective)),
     )  # fmt: skip
 
 
-def pyomo(case: Case, given: Numbers) -> Outcome:
+def pyomo(case: Case, given: Numbers) -> RunResult:
     """Run pyomo.dae on shares of the duration; the integral of the cost is one more state."""
     dae, tool = importlib.import_module("pyomo.dae"), importlib.import_module("pyomo.environ")
 
@@ -182,14 +182,14 @@ def pyomo(case: Case, given: Numbers) -> Outcome:
     result = solver(x0=builder.x_init, lbx=builder.x_lb, ubx=builder.x_ub, lbg=builder.g_lb, ubg=builder.g_ub)
     stats = solver.stats()
     inside, spent = _inside(stats), stats["t_wall_total"]
-    return Outcome(
+    return RunResult(
         started - begun, inside, spent - inside, cpu + time.process_time() - resumed, stats["iter_count"],
         float(result["f"]), note="" if stats["success"] else str(stats["return_status"]),
     )  # fmt: skip
 
 
-def drake(case: Case, given: Numbers) -> Outcome:
-    """Run Drake's DirectCollocation; it does not tell derivatives apart, nor SNOPT its iterations."""
+def drake(case: Case, given: Numbers) -> RunResult:
+    """Run Drake's DirectCollocation; it reports no seconds of derivatives, and SNOPT no iterations."""
     tool = importlib.import_module("pydrake.all")
 
     system, n = case.system, len(given.u)
@@ -209,8 +209,8 @@ def drake(case: Case, given: Numbers) -> Outcome:
             (method.state(k), case.x, given.x_scale), (method.input(k), case.u, given.u_scale),
         ):  # fmt: skip
             nlp.AddBoundingBoxConstraint(low, high, variables)
-            for variable, magnitude in zip(variables, scale, strict=True):
-                nlp.SetVariableScaling(variable, magnitude)
+            for variable, size in zip(variables, scale, strict=True):
+                nlp.SetVariableScaling(variable, size)
     for pins, ends in ((case.start, method.initial_state()), (case.end, method.final_state())):
         for expression, values in pins:
             pinned = ca.Function("pin", [system.x], [ca.densify(expression)])
@@ -227,7 +227,7 @@ def drake(case: Case, given: Numbers) -> Outcome:
     result = tool.SnoptSolver().Solve(nlp)
     spent = time.perf_counter() - started
     note = "" if result.is_success() else str(result.get_solution_result()).split(".")[-1]
-    return Outcome(
+    return RunResult(
         started - begun, solver=spent, cpu=time.process_time() - cpu, cost=result.get_optimal_cost(), note=note
     )
 

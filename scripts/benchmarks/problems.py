@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """Starting point, magnitudes and settings, given to every contender that takes them."""
+    """Initial guess, scales and settings, given to every contender that takes them."""
 
     guess: Guess
     x: Array  # (N, m, nx) the guess at the nodes of every element
@@ -72,12 +72,12 @@ class Numbers:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What one run of one contender on one problem and grid came to; nan for what a contender does not tell."""
+class RunResult:
+    """Cost, seconds and iterations of one run of a contender on a problem and grid; NaN for what it does not report."""
 
     setup: float = float("nan")  # wall-clock seconds until the solver starts
     derivatives: float = float("nan")  # evaluating cost, constraints, derivatives [s]
-    solver: float = float("nan")  # the rest of the solve; all of it where derivatives are not told apart [s]
+    solver: float = float("nan")  # the rest of the solve; all of it where derivatives are not reported [s]
     cpu: float = float("nan")  # processor seconds of everything
     iterations: float = float("nan")
     cost: float = float("nan")  # t_f [s], or the integral

@@ -81,7 +81,7 @@ def _shares(table: StudyTable, cold: float) -> str:
 
 
 def _compared(tables: dict[str, StudyTable]) -> int:
-    """Say how much the kinds of study differ; 1 if processes do."""
+    """Print how much the kinds of study differ; 1 if processes do."""
     names, wrong = list(tables), 0
     print()
     for one, other in ((names[1], names[2]), (names[3], names[4])):

@@ -85,7 +85,7 @@ class Budget:
         ]
         foot = (
             "Every row is a solve of its own, of the scene that never heard of the effect; nothing is linearised.",
-            "costs: t_f of the whole scene minus t_f without the effect; below the error of the grid it says nothing.",
+            "costs: t_f of the whole scene minus t_f without the effect; below the error of the grid it means nothing.",
             "work: what the drives deliver, braking not counted; net: braking counted as recovered. seconds: set-up",
             "and solve from the default guess.",
         )
@@ -96,13 +96,13 @@ def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str]
     """Return what each effect of a scene costs, by solving the task with each effect left out.
 
     A time-optimal problem has local optima: each scene is solved from the default guess, and, where the states are
-    the same, from the motion of the whole scene too; the better one counts, and the row says if they differ.
+    the same, from the motion of the whole scene too; the better one counts, and a note in the row shows if they differ.
 
     Args:
         scene: with its effects.
-        task: of the scene; what it says about signals of an effect goes with the effect.
+        task: of the scene; limits on signals of an effect are left out with the effect.
         grid: of every leg.
-        progress: is told what is being solved.
+        progress: called with what is being solved.
     """
     labels = scene.system.label("tau", len(scene.machine.coordinates))
     progress("budget: the whole scene ...")

@@ -26,7 +26,7 @@ def fastest(
     Args:
         machine, effects: of numbers.
         waypoints: (K, n) [rad or m].
-        torque: (n,) magnitude of every drive [N m or N].
+        torque: (n,) largest force of every drive, in both directions [N m or N].
         speed: (n,) largest speed [rad/s or m/s], or None.
         elements: of the grid.
 

@@ -1,4 +1,4 @@
-"""Studies as files: a scene file with a table [study] that says which of its numbers vary."""
+"""Studies as files: a scene file with a table [study] that lists which of its numbers vary."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def of_document(document: Table, store: str | Path | None) -> Study:
     cases = design.cases()
     symbols = tuple(name for name in keys if _stays_symbol(bare, keys[name], cases[0][name]))
     others = tuple(name for name in keys if name not in symbols)
-    for case in (cases[0], cases[-1]):  # what is wrong in a file is told before anything is computed
+    for case in (cases[0], cases[-1]):  # errors of the file are found before anything is computed
         whole = changed(bare, {keys[name]: value for name, value in case.items()})
         task = read_task(whole, read_scene(whole, [keys[name] for name in symbols]))
     nominal = changed(bare, {keys[name]: cases[0][name] for name in symbols})
@@ -240,7 +240,7 @@ def _design(table: Table, called: Mapping[str, str]) -> Design:
     over = table.table("over")
     kind = table.text("design", [*LISTS, *SAMPLES], "product")
     if not over.entries:
-        raise table.error("over", "says nothing; expected [study.over] with a line for each key that varies")
+        raise table.error("over", "is empty; expected [study.over] with a line for each key that varies")
     try:
         if kind in LISTS:
             for name in ("count", "seed"):

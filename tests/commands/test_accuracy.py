@@ -8,7 +8,7 @@ import pytest
 from accuracy_bill import table
 from accuracy_bill.contenders import Contender, Run
 from accuracy_bill.measurement import Progress, Row, against, curves, measure
-from accuracy_bill.pareto_front import Curve, Point, cheapest, front, price, recommend
+from accuracy_bill.pareto_front import Curve, Point, cheapest, front, recommend, seconds_to
 from accuracy_bill.reference import Reference, extrapolated, polished
 from accuracy_bill.scene import machine_scene, problem_scene
 
@@ -27,31 +27,31 @@ def test_front_keeps_what_nothing_beats():
 
 
 def test_price_is_interpolated_in_logarithms_only_where_settings_between_exist():
-    assert price(GRID, 1e-3) == pytest.approx(1e-3**-0.5)
-    assert price(GRID, 1e-2) == pytest.approx(10.0)
-    assert price(GRID, 5.0) == 1.0  # the coarsest run is accurate enough, nothing is extrapolated
-    assert price(GRID, 1e-5) == inf
+    assert seconds_to(GRID, 1e-3) == pytest.approx(1e-3**-0.5)
+    assert seconds_to(GRID, 1e-2) == pytest.approx(10.0)
+    assert seconds_to(GRID, 5.0) == 1.0  # the coarsest run is accurate enough, nothing is extrapolated
+    assert seconds_to(GRID, 1e-5) == inf
     steps = Curve("steps", GRID.points)
-    assert price(steps, 1e-3) == 100.0
+    assert seconds_to(steps, 1e-3) == 100.0
     cheaper = Curve("cheaper", (*GRID.points, Point("1000", 1e-7, 5.0)), continuous=True)
-    assert price(cheaper, 1e-3) == 5.0  # what is more accurate may be cheaper
+    assert seconds_to(cheaper, 1e-3) == 5.0  # what is more accurate may be cheaper
     with pytest.raises(ValueError, match="tolerance is 0"):
-        price(GRID, 0.0)
+        seconds_to(GRID, 0.0)
 
 
 def test_luck_is_no_accuracy():
     """An error that changes its sign between two grids is small between them, but not on finer ones."""
     lucky = Curve("lucky", (Point("25", 1e-2, 1.0), Point("50", 1e-7, 2.0), Point("100", 1e-4, 4.0)))
     assert [p.error for p in lucky.lasting] == [1e-2, 1e-4, 1e-4]
-    assert price(lucky, 1e-6) == inf
-    assert price(lucky, 1e-4) == 2.0
+    assert seconds_to(lucky, 1e-6) == inf
+    assert seconds_to(lucky, 1e-4) == 2.0
 
 
 def test_failed_and_broken_runs_are_never_taken():
     curve = Curve("c", (Point("broken", 1e-9, 0.1, valid=False), Point("failed", nan, 0.2), Point("good", 1e-3, 1.0)))
-    found = cheapest([curve], 1e-2)
-    assert found is not None
-    assert found[1].label == "good"
+    result = cheapest([curve], 1e-2)
+    assert result is not None
+    assert result[1].label == "good"
     assert cheapest([curve], 1e-6) is None
 
 
@@ -129,8 +129,8 @@ def test_contenders_run_in_turn_and_medians_are_taken():
 
 
 def test_extrapolated_reference_states_an_error_that_holds():
-    found = extrapolated(problem_scene("P3"), (20, 40))
-    assert abs(found.cost - LUUS) <= found.error <= 1e-2
+    result = extrapolated(problem_scene("P3"), (20, 40))
+    assert abs(result.cost - LUUS) <= result.error <= 1e-2
 
 
 @pytest.mark.slow
@@ -173,9 +173,9 @@ def test_bill_of_a_known_optimum(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_polished_reference_and_contenders_reach_the_known_optimum(tmp_path, capsys):
-    found = polished(problem_scene("P3"))
-    assert found is not None
-    assert abs(found.cost - LUUS) <= found.error <= 1e-10
+    result = polished(problem_scene("P3"))
+    assert result is not None
+    assert abs(result.cost - LUUS) <= result.error <= 1e-10
     arguments = ["--problem", "P3", "--repeats", "1", "--refine-to", "1e-3", "--tolerance", "1e-9", "--quiet"]
     methods = ["--methods", "refine", "refine+polish"]
     assert accuracy.main([*arguments, *methods, "--output", str(tmp_path), "--json"]) == 0

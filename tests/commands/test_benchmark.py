@@ -6,23 +6,23 @@ import numpy as np
 import pytest
 from benchmarks import hand_written as reference
 from benchmarks import peers
-from benchmarks.problems import CASES, Outcome, numbers
+from benchmarks.problems import CASES, RunResult, numbers
 
 from ocp import Ipopt, solve, uniform
 
 
 @pytest.mark.parametrize("name", ["P3", "P4", "cylindrical"])
-def test_hand_written_programmes_are_the_same_programme(name):
+def test_hand_written_programs_pose_the_same_nlp(name):
     """All variants take the iterations of this project and end at its cost: only set-up and evaluation differ."""
     case, settings = CASES[name](), Ipopt(progress=False)
     given = numbers(case, 6, settings)
     own = solve(case.problem(), grid=uniform(6), solver=settings, guess=given.guess)
     assert own.ok
     for derive in benchmark.VARIANTS.values():
-        found = reference.solve(derive, case, given, True)
-        assert found.note == ""
-        assert found.iterations == own.iterations
-        assert found.cost == pytest.approx(own.cost, rel=1e-9)
+        result = reference.solve(derive, case, given, True)
+        assert result.note == ""
+        assert result.iterations == own.iterations
+        assert result.cost == pytest.approx(own.cost, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -38,9 +38,9 @@ def test_gathered_derivatives_are_those_of_casadi(name):
     point = rng.uniform(0.4, 0.6, x.numel()), 0.7, rng.normal(size=g.numel())
     slope, rows, jacobian, curvature = (np.array(part) for part in wanted(*point))
     p = np.zeros(0)
-    found = functions["jac_g"](point[0], p)
-    np.testing.assert_allclose(np.array(found[0]), rows, atol=1e-12)
-    np.testing.assert_allclose(np.array(found[1]), jacobian, atol=1e-9)
+    result = functions["jac_g"](point[0], p)
+    np.testing.assert_allclose(np.array(result[0]), rows, atol=1e-12)
+    np.testing.assert_allclose(np.array(result[1]), jacobian, atol=1e-9)
     np.testing.assert_allclose(np.array(functions["grad_f"](point[0], p)[1]), slope, atol=1e-12)
     np.testing.assert_allclose(np.array(functions["hess_lag"](point[0], p, *point[1:])), curvature, atol=1e-8)
 
@@ -72,7 +72,7 @@ def test_missing_tools_are_rows_and_no_errors(tmp_path, capsys, monkeypatch):
 
 
 def test_failed_solve_of_this_project_is_the_only_failure(tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmark, "own", lambda *_, **__: Outcome(note="no motion found"))
+    monkeypatch.setattr(benchmark, "own", lambda *_, **__: RunResult(note="no motion found"))
     arguments = ["--problems", "P3", "--grids", "4", "--contenders", "hamel", "element", "--repeats", "1"]
     assert benchmark.main([*arguments, "--output", str(tmp_path)]) == 1
 

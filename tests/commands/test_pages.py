@@ -30,8 +30,8 @@ def runs() -> list[Any]:
     """Return (page, blocks that run in one namespace) for every page with code."""
     results = []
     for path in PAGES:
-        found = blocks(path)
-        together = [found] if SHARED in path.read_text(encoding="utf-8") else [[block] for block in found]
+        result = blocks(path)
+        together = [result] if SHARED in path.read_text(encoding="utf-8") else [[block] for block in result]
         marks = [pytest.mark.slow] if name(path) in SLOW else []
         results += [
             pytest.param(path, run, id=f"{name(path)}-{number}", marks=marks)

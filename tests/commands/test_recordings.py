@@ -214,10 +214,10 @@ def test_units_names_and_order(tmp_path):
     degrees = np.rad2deg(Q)
     table = csv("time [ms],q3 [deg],q1 [deg],q2 [deg],note", np.column_stack([1e3 * T, degrees[:, [2, 0, 1]], T]))
     (tmp_path / "m.csv").write_text("\ufeff" + table, encoding="utf-8")
-    found = read_csv(tmp_path / "m.csv", Motion.from_samples(T, Q, noise=0.0).labels)
-    np.testing.assert_allclose(found.q, Q, atol=1e-14)
-    np.testing.assert_allclose(found.t, T, atol=1e-14)
-    assert found.notes == ("columns left out: note",)
+    result = read_csv(tmp_path / "m.csv", Motion.from_samples(T, Q, noise=0.0).labels)
+    np.testing.assert_allclose(result.q, Q, atol=1e-14)
+    np.testing.assert_allclose(result.t, T, atol=1e-14)
+    assert result.notes == ("columns left out: note",)
     arm = spherical()
     columns = np.column_stack([T, Q, 1e3 * np.ones_like(T)])
     (tmp_path / "s.csv").write_text(csv("t,theta,psi,phi,r [mm]", columns))
@@ -229,17 +229,17 @@ def test_units_names_and_order(tmp_path):
 def test_trajectories_there_and_back(tmp_path):
     v, a = np.stack([np.cos(T), 2 * T, 0 * T], axis=1), np.stack([-np.sin(T), 2 + 0 * T, 0 * T], axis=1)
     message_ = as_trajectory(T + 3.0, Q, v, a, ["q1", "q2", "q3"])
-    found = trajectory(json.loads(json.dumps(message_)), ["q3", "q1", "q2"])
-    np.testing.assert_array_equal(found.q, Q[:, [2, 0, 1]])
-    np.testing.assert_array_equal(found.v, v[:, [2, 0, 1]])
-    np.testing.assert_allclose(found.t, T, atol=1e-9)
+    result = trajectory(json.loads(json.dumps(message_)), ["q3", "q1", "q2"])
+    np.testing.assert_array_equal(result.q, Q[:, [2, 0, 1]])
+    np.testing.assert_array_equal(result.v, v[:, [2, 0, 1]])
+    np.testing.assert_allclose(result.t, T, atol=1e-9)
     ros1 = {"trajectory": {"joint_names": ["a", "b", "c"], "points": [
         {"positions": list(map(float, q)), "time_from_start": {"secs": k, "nsecs": 500}} for k, q in enumerate(Q)
     ]}}  # fmt: skip
-    found = trajectory(ros1, ["q1", "q2", "q3"])
-    assert found.v is None
-    assert found.t[3] == 3.0000005
-    assert "a, b, c are taken for q1, q2, q3" in found.notes[0]
+    result = trajectory(ros1, ["q1", "q2", "q3"])
+    assert result.v is None
+    assert result.t[3] == 3.0000005
+    assert "a, b, c are taken for q1, q2, q3" in result.notes[0]
     path = tmp_path / "m.yaml"
     path.write_text("joint_names: [q1, q2, q3]\npoints:\n- {positions: [0, 0, 0], time_from_start: 0.0}\n")
     try:

@@ -89,8 +89,8 @@ def test_three_axes_texts_and_samples(tmp_path):
     forms = '"form" = ["canonical", "hamel"]\n"parameters.m_3" = [18.0, 20.0]\n'
     assert call(tmp_path, path=write(tmp_path, forms, name="forms.toml")) == 0
     with (tmp_path / "out" / "forms.csv").open(newline="") as file:
-        found = {(row["form"], row["m_3"]): float(row["duration"]) for row in csv.DictReader(file)}
-    assert found["canonical", "18.0"] == pytest.approx(found["hamel", "18.0"], rel=1e-4)
+        results = {(row["form"], row["m_3"]): float(row["duration"]) for row in csv.DictReader(file)}
+    assert results["canonical", "18.0"] == pytest.approx(results["hamel", "18.0"], rel=1e-4)
     pytest.importorskip("scipy", reason="SciPy is not installed (extra study)")
     sampled = (
         SCENE.replace("[study]", '[study]\ndesign = "sobol"\ncount = 4')
@@ -118,7 +118,7 @@ def test_numbers_of_the_graph_stay_symbols_and_share_one_system():
     ("text", "words"),
     [
         (SCENE.partition("[study]")[0], "'study' is missing"),
-        (SCENE, "says nothing"),
+        (SCENE, "is empty"),
         (SCENE + '"payload.weight" = [1.0]\n', "weight"),
         (SCENE + '"viscous.c" = [1.0]\n', "effect 'viscous' is off"),
         (SCENE + '"m_9" = [1.0]\n', "'m_9' is no key of this scene"),
@@ -162,6 +162,6 @@ def test_the_command_runs_in_two_processes(tmp_path):
         str(tmp_path / "out"),
     ]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    found = subprocess.run(run, capture_output=True, text=True, env=environment, check=True)
-    assert "6 cases: 6 solved" in found.stdout
-    assert "what duration depends on" in found.stdout
+    results = subprocess.run(run, capture_output=True, text=True, env=environment, check=True)
+    assert "6 cases: 6 solved" in results.stdout
+    assert "what duration depends on" in results.stdout

@@ -20,7 +20,7 @@ steps of one width: those of the table. All steps end where the control jumps.
 
 Where the fastest mode of a system dies out far faster than the motion, the default goes on with `radau_5` at its own
 tolerances; a fast mode that swings is followed. An integrator that runs out of steps names that mode and what to use
-instead. Methods with steps of one width have no error control: too long a step is told only if the states overflow.
+instead. Methods with steps of one width have no error control: too long a step is noticed only if the states overflow.
 
 ## Orders
 

@@ -46,7 +46,7 @@ arm = scene.system                                      # x' = f(x, u, p) with i
 SI units and radians. A key that ends in `_deg` takes degrees: `from_deg = [...]`, `lower_deg = [...]`,
 `{ theta_deg = 50.0, r = 0.8 }`; in a list, lengths stay in metres. One number for each coordinate is a list in the
 order of the coordinates, a table by their names, or a single number for all. Numbers are finite; where a limit or an
-effect does not concern a coordinate, a table that leaves it out says so. Unknown keys are errors. Reading a file
+effect does not concern a coordinate, leave it out of the table. Unknown keys are errors. Reading a file
 executes nothing.
 
 | key | what | default |
@@ -55,7 +55,7 @@ executes nothing.
 | `form`, `frame` | of the equations | `canonical`, `regular` |
 | `[parameters]` | of the machine, by name | those of the machine |
 | `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
-| `[limits]` | along the motion, for any signal: magnitudes, or `{ lower = ..., upper = ... }` | those of the effects |
+| `[limits]` | any signal along the motion: a number for both directions, or `{ lower = ..., upper = ... }` | effects |
 | `[task]` `from`, `to` | a position, at rest; or signals by name, `{ tool = [...] }`, `{ q = ..., v = ... }` | none |
 | `[task]` `via` | list of such points, passed in this order at any speed; a leg ends at each | none |
 | `[task]` `minimise` | `"time"`, or `{ time = ..., squares = { SIGNAL = ... }, integral = { ... } }` | `"time"` |
@@ -77,7 +77,7 @@ def example(name: str) -> str:
 
 
 def messages() -> list[tuple[str, str]]:
-    """Return what the user is told about every broken file."""
+    """Return the message about every broken file."""
     results = []
     for name, old, new in BROKEN:
         try:
@@ -93,9 +93,7 @@ def main() -> None:
              " and `torus.toml` (a via point).\n\n```toml\n", (SCENES / "spherical.toml").read_text(encoding="utf-8"),
              "```\n\n## Cards\n\n`--card` prints, for the three examples,\n\n"]  # fmt: skip
     parts += [f"```\n{example(name)}\n```\n\n" for name in EXAMPLES]
-    parts.append(
-        "The price of an effect is the number of instructions of x' = f(x, u, p) with it minus that without.\n\n"
-    )
+    parts.append("The instruction count of an effect is that of x' = f(x, u, p) with it minus that without.\n\n")
     parts.append("## The effect budget\n\n`--budget` prints\n\n")
     for name in EXAMPLES:
         scene, task = task_file.load(SCENES / f"{name}.toml")
@@ -104,9 +102,9 @@ def main() -> None:
         "Each row is a solve, not a sensitivity: leaving an effect out is a finite change that may move the motion to\n"
         "another local optimum or change its states, and peak torques and seconds have no derivative. A row is solved\n"
         "from the default guess and, where the states are the same, from the motion of the whole scene; the better\n"
-        "one counts, and a note says when they are two optima. Rows that are not verified show no figures.\n\n"
+        "one counts, and a note shows when they are two optima. Rows that are not verified show no figures.\n\n"
     )
-    parts.append("## What is said of a file that cannot be used\n\nOne sentence, exit status 2:\n\n")
+    parts.append("## Messages about files that cannot be used\n\nOne sentence, exit status 2:\n\n")
     parts += [f"- {name}: `{message}`\n" for name, message in messages()]
     PAGE.write_text("".join(parts), encoding="utf-8")
 
