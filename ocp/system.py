@@ -47,6 +47,29 @@ class Singularity:
 
 
 @dataclass(frozen=True, eq=False)
+class Implicit:
+    """A rate with unknowns of its own, rate(x, u, p, y) with y solving G(x, u, p, y) = 0, where dG/dy is symmetric.
+
+    The derivatives of the rate follow from those of the two short expressions, see `ocp.transcription.implicit`.
+
+    Args:
+        y: (ny,) symbols.
+        rate: (nx,) dx/dt in terms of x, u, p, y.
+        residual: (ny,) G.
+        value: (ny,) y in terms of x, u, p.
+        solve: function (x, u, p, b) -> (dG/dy)^-1 b, b of shape (ny,).
+        signals: name -> expression in x, u, p, y of signals that are shorter in y.
+    """
+
+    y: ca.SX
+    rate: ca.SX
+    residual: ca.SX
+    value: ca.SX
+    solve: ca.Function
+    signals: Mapping[str, ca.SX] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """An ordinary differential equation in normal form, x' = rate(x, u, p).
 
@@ -64,6 +87,8 @@ class System:
         initial: signal name -> value at t = 0 that `point_to_point` uses, such as 0 for a clock.
         singular: singularities that no motion may touch; `simulate`, `solve` and `verify` check them.
 
+        implicit: the same rate with unknowns of its own, for shorter derivatives; it is lost by pickling.
+
     Raises:
         TypeError: a part is not symbolic.
         ValueError: shapes disagree, or an expression has a symbol that is neither in x, u nor p.
@@ -80,6 +105,7 @@ class System:
     limits: Mapping[str, tuple[Side, Side]] = field(default_factory=dict)
     initial: Mapping[str, float] = field(default_factory=dict)
     singular: tuple[Singularity, ...] = ()
+    implicit: Implicit | None = None
 
     def __post_init__(self) -> None:
         for name in ("x", "u", "p", "rate"):
@@ -126,6 +152,20 @@ class System:
             self.check_symbols("singular", place.quantity)
             if ca.depends_on(place.quantity, self.u):
                 raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
+
+        if self.implicit is not None:
+            checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
+            if self.implicit.rate.numel() != self.x.numel():
+                raise ValueError(f"System: the implicit rate has {self.implicit.rate.numel()} components, x has "
+                                 f"{self.x.numel()}; give as many")  # fmt: skip
+
+    def short(self, expression: ca.SX) -> ca.SX:
+        """Return a scalar in terms of the unknowns y of the implicit rate where it is a component of its signals."""
+        for name, column in ({} if self.implicit is None else self.implicit.signals).items():
+            for explicit, short in zip(ca.vertsplit(self.signals[name]), ca.vertsplit(column), strict=True):
+                if ca.is_equal(expression, explicit):
+                    return short
+        return expression
 
     def __reduce__(self) -> tuple[object, ...]:
         # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.

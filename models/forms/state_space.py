@@ -11,7 +11,20 @@ from models.machines.frames import Frame, without_negligible
 from models.mechanics.mechanics import Mechanics
 from models.mechanics.singular_metric import singularities, vanishing_inertia
 from models.mechanics.terms import Quantity
-from ocp.system import Label, System
+from ocp.system import Implicit, Label, System
+
+
+@dataclass(frozen=True, eq=False)
+class InnerEquations:
+    """Equations of motion with unknowns y that solve G = 0, where dG/dy is the metric."""
+
+    y: ca.SX  # (n,) symbols
+    v: ca.SX  # (n,) dq/dt in terms of q, symbol and y
+    rate: ca.SX  # (n,) d(symbol)/dt in terms of q, symbol, y, states and control
+    residual: ca.SX  # (n,) G
+    value: ca.SX  # (n,) y in terms of q, symbol, states and control
+    solve: Callable[[ca.SX], ca.SX]  # right (n,) -> M^-1 right, in terms of q
+    reads_v: bool = False  # whether v is y
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +38,7 @@ class Equations:
     rate: ca.SX  # (n,) d(symbol)/dt
     kinetic: ca.SX | None = None  # kinetic energy; None: w' g' w / 2 in the frame
     notes: tuple[str, ...] = ()  # sentences about how the equations were built
+    inner: InnerEquations | None = None  # the same with unknowns of their own, for shorter derivatives
 
 
 Form = Callable[[Mechanics], Equations]
@@ -46,7 +60,7 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     kind = symbol[0].name()[0]
     third = {} if kind == "v" else {kind: Quantity(symbol, "", tuple(s.name() for s in ca.vertsplit(symbol)))}
     kinetic = ca.dot(w, frame.metric @ w) / 2 if equations.kinetic is None else equations.kinetic
-    published = {**_of_every_machine(mechanics, kinetic), **third}
+    published = {**_of_every_machine(mechanics, kinetic, symbol), **third}
     for name, quantity in terms.signals.items():
         if name in published:
             raise ValueError(f"an effect defines the signal {name!r}, which every machine has; rename it")
@@ -81,6 +95,21 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
         limits=terms.limits,
         initial={name: state.initial for name, state in states.items() if state.initial is not None},
         singular=singular,
+        implicit=None if equations.inner is None else _implicit(mechanics, equations.inner, x, u, p),
+    )
+
+
+def _implicit(mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p: ca.SX) -> Implicit:
+    """Return the implicit rate of a system, the rates of the states of effects included."""
+    v, right = mechanics.machine.v, ca.SX.sym("b", inner.y.numel())
+    states = [ca.substitute(mechanics.resolved(state.rate), v, inner.v) for state in mechanics.terms.states.values()]
+    return Implicit(
+        y=inner.y,
+        rate=ca.densify(ca.vertcat(inner.v, inner.rate, *states)),
+        residual=ca.densify(inner.residual),
+        value=ca.densify(inner.value),
+        solve=ca.Function("solve", [x, u, p, right], [inner.solve(right)]),
+        signals={"v": inner.y} if inner.reads_v else {},
     )
 
 
@@ -98,7 +127,7 @@ def _rate(mechanics: Mechanics, equations: Equations) -> tuple[ca.SX, ca.SX, ca.
     return x, u, p, ca.cse(ca.densify(ca.vertcat(equations.v, equations.rate, *rates)))
 
 
-def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantity]:
+def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX, symbol: ca.SX) -> dict[str, Quantity]:
     """Return the signals of every machine, and those of elastic motors, losses and states at rest if there are any."""
     machine, terms = mechanics.machine, mechanics.terms
     names, units = tuple(c.name for c in machine.coordinates), tuple(c.unit for c in machine.coordinates)
@@ -123,9 +152,10 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX) -> dict[str, Quantit
         lost = mechanics.applied + ca.gradient(terms.spring, machine.q)
         results["loss"] = Quantity(terms.dissipation - ca.dot(lost, machine.v), "W")
     held = mechanics.at_rest()
-    if held:
+    if held or mechanics.recursion is not None:
         n = machine.q.numel()
-        rest = ca.vertcat(machine.v, *held)
+        # Momenta and quasi-velocities vanish with v, and are states: bounds instead of constraints.
+        rest = ca.vertcat(machine.v if mechanics.recursion is None else symbol, *held)
         results["rest"] = Quantity(rest, rates + ("",) * (rest.numel() - n))
     return results
 

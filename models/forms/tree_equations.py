@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import casadi as ca
 
-from models.forms.state_space import Equations, symbols
+from models.forms.state_space import Equations, InnerEquations, symbols
 from models.machines.frames import Frame
 from models.machines.recursion import Build, Recursion
 from models.mechanics.mechanics import Mechanics
 
 FROM_TIP = ("innovations", "udu")  # frames of U D U', the same under two names
 FRAMES = (*FROM_TIP, "ldl")
+MOST = 24  # joints up to which derivatives by the implicit function theorem are offered
 
 
 def canonical_equations(mechanics: Mechanics, frame: str) -> Equations:
@@ -41,7 +43,13 @@ def canonical_equations(mechanics: Mechanics, frame: str) -> Equations:
         v = build.solve(p)
         return Equations(mechanics.frame("coordinate"), p, v, v, _pushed(mechanics, v, p), ca.dot(v, p) / 2)
 
-    return shortest(recursion.builds, built)
+    equations, y = shortest(recursion.builds, built), ca.SX.sym("y", n)
+    if n > MOST:
+        return equations
+    # Value and slopes share the factors of M by composite bodies, whichever algorithm the rate itself uses.
+    factored, residual = recursion.factors(True).solve, recursion.momentum(y) - p
+    inner = InnerEquations(y, y, _pushed(mechanics, y, None), residual, factored(p), factored, True)
+    return replace(equations, inner=inner)
 
 
 def lagrange_equations(mechanics: Mechanics) -> Equations:
@@ -54,7 +62,13 @@ def lagrange_equations(mechanics: Mechanics) -> Equations:
         a = build.accelerations(v, ca.densify(forces), mechanics.field)
         return Equations(mechanics.frame("coordinate"), v, v, v, a, kinetic)
 
-    return shortest(recursion.builds, built)
+    equations, y = shortest(recursion.builds, built), ca.SX.sym("y", v.numel())
+    if v.numel() > MOST:
+        return equations
+    solve, residual = recursion.factors(True).solve, recursion.inverse_dynamics(v, y, mechanics.field) - forces
+    bias = recursion.inverse_dynamics(v, None, mechanics.field)
+    inner = InnerEquations(y, v, y, residual, solve(forces - bias), solve)
+    return replace(equations, inner=inner)
 
 
 def hamel_equations(mechanics: Mechanics, frame: str) -> Equations:
@@ -101,9 +115,7 @@ def shortest(builds: Sequence[Build], built: Callable[[Build], Equations]) -> Eq
     name, equations = made[best]
     others = [f"{other} would take {count}" for (other, _), count in zip(made, counts, strict=True) if other != name]
     note = f"built by {name}, {counts[best]} instructions" + "".join(f"; {other}" for other in others)
-    return Equations(
-        equations.frame, equations.symbol, equations.w, equations.v, equations.rate, equations.kinetic, (note,)
-    )
+    return replace(equations, notes=(note,))
 
 
 def instructions(equations: Equations) -> int:

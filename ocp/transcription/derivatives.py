@@ -10,6 +10,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.compilation import Compilation, Compile
+from ocp.transcription.implicit import Inner
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,7 @@ class Local:
         linear: (m + 1, nw) matrix; the first m results are rows of g, the last one is added to the cost.
         terms: matrices outer_j (m + 1, nv) and inner_j (ny, nw).
         unknowns: (nw, copies) indices of w among the unknowns of the NLP, for each copy.
+        inner: the values in terms of inner unknowns that solve an equation, for shorter derivatives.
     """
 
     values: ca.SX
@@ -33,6 +35,7 @@ class Local:
     linear: Array
     terms: Sequence[tuple[Array, Array]]
     unknowns: Array
+    inner: Inner | None = None
 
     @property
     def rows(self) -> int:
@@ -52,9 +55,13 @@ class Local:
             zero = ca.SX(len(self.unknowns), len(self.unknowns))
             return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), zero)
         weights = ca.SX.sym("weights", self.values.numel())
-        curvature = ca.hessian(ca.dot(weights, self.values), self.arguments)[0]
+        if self.inner is None:
+            jacobian = ca.jacobian(self.values, self.arguments)
+            curvature = ca.hessian(ca.dot(weights, self.values), self.arguments)[0]
+        else:
+            jacobian, curvature = self.inner.derivatives(self.arguments, weights)
         given = [self.arguments, *self.inputs]
-        first = ca.Function("v", given, ca.cse([self.values, ca.jacobian(self.values, self.arguments)]))
+        first = ca.Function("v", given, ca.cse([self.values, jacobian]))
         second = ca.Function("h", [*given, weights], ca.cse([curvature]))
         linear = _sparse(self.linear)
         results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.unknowns), len(self.unknowns))

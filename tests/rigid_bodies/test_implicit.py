@@ -1,0 +1,102 @@
+"""Derivatives by the implicit function theorem: the same numbers as differentiation of the whole graph, shorter."""
+
+import pickle
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from models import Parameter, robots, spherical
+from models.effects import ElasticDrive, Gravity, Payload, Viscous
+from models.forms import canonical, lagrange
+from ocp import point_to_point, prepare, solve, uniform
+from ocp.transcription.implicit import Inner
+
+FORMS = pytest.mark.parametrize("form", [canonical, lagrange], ids=lambda form: form.__name__)
+EFFECTS = {
+    "gravity": lambda: [Gravity()],
+    "friction and load": lambda: [Gravity(), Payload(Parameter(2.0), offset=(0.1, 0.0, 0.05)), Viscous(0.5)],
+    "elastic": lambda: [Gravity(), ElasticDrive(stiffness=1e4, inertia=0.5)],
+}
+
+
+def derivatives(system):
+    """Return the function (z, p, mu) -> Jacobian and Hessian by both ways."""
+    z, mu = ca.vertcat(system.x, system.u), ca.SX.sym("mu", system.x.numel())
+    own = system.implicit
+    inner = Inner(own.y, own.rate, own.residual, own.value, lambda b: own.solve(system.x, system.u, system.p, b))
+    first = inner.derivatives(z, mu)
+    second = ca.jacobian(system.rate, z), ca.hessian(ca.dot(mu, system.rate), z)[0]
+    return ca.Function("d", [z, system.p, mu], [ca.densify(part) for part in (*first, *second)])
+
+
+@FORMS
+@pytest.mark.parametrize("effects", EFFECTS)
+def test_both_ways_give_the_same_derivatives(form, effects):
+    system = form(robots.arm_3r(), EFFECTS[effects]())
+    function = derivatives(system)
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        sizes = (function.numel_in(0), function.numel_in(2))
+        z, mu = (rng.uniform(-1, 1, size) for size in sizes)
+        jacobian, hessian, other_jacobian, other_hessian = (
+            part.full() for part in function(z, list(system.nominal.values()), mu)
+        )
+        assert np.allclose(jacobian, other_jacobian, rtol=0, atol=1e-12 * np.max(np.abs(other_jacobian)))
+        assert np.allclose(hessian, other_hessian, rtol=0, atol=1e-11 * np.max(np.abs(other_hessian)))
+
+
+def test_a_motion_takes_the_same_iterates():
+    machine = robots.arm_3r()
+    system = canonical(machine, [Gravity()])
+    results = []
+    for one in (system, replace(system, implicit=None)):
+        problem = point_to_point(one, [0.0, 0.0, 0.0], [1.0, 0.6, -0.5], limits=machine.limits)
+        results.append(solve(problem, grid=uniform(15)))
+    short, long = results
+    assert short.ok
+    assert short.iterations == long.iterations
+    assert short.duration == pytest.approx(long.duration, rel=1e-9)  # the tolerance of IPOPT is 1e-8
+
+
+def test_limits_of_velocities_use_the_inner_unknowns():
+    machine = robots.arm_3r()
+    system = canonical(machine, [Gravity()])
+    assert all(ca.is_equal(system.short(system["v"][i]), system.implicit.y[i]) for i in range(3))
+    assert ca.is_equal(system.short(system["q"][0]), system["q"][0])
+    problem = point_to_point(system, [0.0, 0.0, 0.0], [1.0, 0.6, -0.5], v=1.5)
+    solution = solve(problem, grid=uniform(15))
+    assert solution.ok
+    assert np.max(np.abs(solution.signal("v", solution.t))) < 1.5 + 1e-2
+
+
+def test_a_pickled_system_is_explicit_and_the_same():
+    system = canonical(robots.arm_3r(), [Gravity()])
+    again = pickle.loads(pickle.dumps(system))
+    assert again.implicit is None
+    function = [ca.Function("f", [one.x, one.u], [one.rate]) for one in (system, again)]
+    x, u = np.linspace(-1, 1, 6), np.ones(3)
+    assert np.array_equal(*(part(x, u).full() for part in function))
+
+
+def test_the_three_machines_keep_their_derivatives():
+
+    assert canonical(spherical(), [Gravity()]).implicit is None
+
+
+@pytest.mark.parametrize(
+    ("make", "most"), [(robots.ur5, (2350, 4800)), (robots.puma560, (2500, 5700))], ids=["ur5", "puma"]
+)
+def test_derivatives_are_short(make, most):
+    system = canonical(make(), [Gravity()])
+    z, mu = ca.vertcat(system.x, system.u), ca.SX.sym("mu", system.x.numel())
+    own = system.implicit
+    inner = Inner(own.y, own.rate, own.residual, own.value, lambda b: own.solve(system.x, system.u, system.p, b))
+    jacobian, hessian = inner.derivatives(z, mu)
+    counts = (
+        ca.Function("j", [z], [ca.cse(jacobian)]).n_instructions(),
+        ca.Function("h", [z, mu], [ca.cse(ca.triu(hessian))]).n_instructions(),
+    )
+    assert all(count <= pinned for count, pinned in zip(counts, most, strict=True)), counts
+    assert prepare(point_to_point(system, np.zeros(6), np.full(6, 0.3), tau=100.0), grid=uniform(4))
