@@ -16,11 +16,10 @@ from ocp.checks import Array
 from ocp.numerics.compilation import Compile
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Fixed, Problem
-from ocp.system import Implicit
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.derivatives import Local, assemble
 from ocp.transcription.grid import Grid
-from ocp.transcription.implicit import Inner
+from ocp.transcription.implicit import inner_of
 from ocp.transcription.layout import Layout, lay_out
 from ocp.transcription.nlp import Nlp
 from ocp.transcription.scaling import Scaling
@@ -129,10 +128,8 @@ def _element(
     x, u, width = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("h")
     rate, running, limited = inside(*symbols.physical(x, u))
     step = width * symbols.duration
-    inner = None
-    if system.implicit is not None:
-        short = ca.vertcat(*(system.short(problem.subject_to[i].expression[k]) for i, k in parts))
-        inner = _inner(system.implicit, problem, symbols.physical(x, u), short, (step, step / symbols.scaling.x))
+    expressions = [problem.subject_to[i].expression[k] for i, k in parts]
+    inner = inner_of(problem, expressions, symbols.physical(x, u), (step, step / symbols.scaling.x))
 
     defects, points = len(scheme.rate) * nx, scheme.points.tolist()
     rows = defects + np.cumsum([0, *(len(held) for held in tau)])
@@ -154,19 +151,6 @@ def _element(
         ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
         (symbols.p, symbols.given, width), linear, terms, _places(layout, np.arange(n), arc), inner,
     )  # fmt: skip
-
-
-def _inner(
-    implicit: Implicit, problem: Problem, physical: tuple[ca.SX, ca.SX, ca.SX], path: ca.SX, steps: tuple[ca.SX, ca.SX]
-) -> Inner:
-    """Return rate, running cost and path constraints of an element in terms of the inner unknowns of a system."""
-    system, y = problem.system, ca.SX.sym("y", implicit.y.numel())
-    outputs = [implicit.rate, implicit.residual, problem.minimise.running, path]
-    function = ca.Function("inner", [system.x, system.u, system.p, implicit.y], outputs)
-    rate, residual, running, limited = function(*physical, y)
-    explicit = ca.Function("explicit", [system.x, system.u, system.p], [implicit.value])(*physical)
-    values = ca.vertcat(steps[1] * rate, steps[0] * running, limited)
-    return Inner(y, values, residual, explicit, lambda right: implicit.solve(*physical, right))
 
 
 def _places(layout: Layout, elements: Array, arc: Array) -> Array:

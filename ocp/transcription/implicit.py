@@ -7,10 +7,12 @@ mu . v - nu . G by (z, y).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+
+from ocp.problem.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,3 +56,26 @@ class Inner:
 
     def _solved(self, right: ca.SX) -> ca.SX:
         return ca.sparsify(self.solve(ca.densify(right))) if right.nnz() else ca.SX(self.y.numel(), 1)
+
+
+def inner_of(
+    problem: Problem, path: Sequence[ca.SX], physical: tuple[ca.SX, ca.SX, ca.SX], steps: tuple[ca.SX, ca.SX]
+) -> Inner | None:
+    """Return rate, running cost and path constraints of an element in terms of the inner unknowns of its system.
+
+    Args:
+        problem: with the system; None is returned if its rate has no inner unknowns.
+        path: scalar path constraints.
+        physical: state, control and parameters in terms of the arguments of the element.
+        steps: duration of the element, and (nx,) this over the scales of the states.
+    """
+    system, implicit = problem.system, problem.system.implicit
+    if implicit is None:
+        return None
+    y, limited = ca.SX.sym("y", implicit.y.numel()), ca.vertcat(*(system.short(one) for one in path))
+    outputs = [implicit.rate, implicit.residual, problem.minimise.running, limited]
+    function = ca.Function("inner", [system.x, system.u, system.p, implicit.y], outputs)
+    rate, residual, running, limits = function(*physical, y)
+    explicit = ca.Function("explicit", [system.x, system.u, system.p], [implicit.value])(*physical)
+    values = ca.vertcat(steps[1] * rate, steps[0] * running, limits)
+    return Inner(y, values, residual, explicit, lambda right: implicit.solve(*physical, right))
