@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -14,9 +15,10 @@ from ocp import checks
 from ocp.studies.case_result import CaseResult
 from ocp.studies.case_solver import OpenCase, SolvedCase, StudySettings
 from ocp.studies.designs import Case
+from ocp.studies.sending import ADVICE, NotSentError, sendable
 from ocp.studies.store import LEASE, Store
 from ocp.studies.sweeping import in_words
-from ocp.studies.worker import compute
+from ocp.studies.worker import compute, compute_for
 
 AHEAD = 128  # cases submitted to an executor at a time
 POLL = 0.5  # seconds between two looks at the cases of other processes
@@ -81,6 +83,8 @@ class _Run:
     running: dict[Future[CaseResult], int] = field(default_factory=dict)
     elsewhere: set[int] = field(default_factory=set)  # computed by another process that uses the store
     failed: int = 0
+    sent: Any = None  # the settings as they are sent to a worker process
+    arrived: bool = False  # whether a worker process has returned a result
 
     def task(self, number: int) -> OpenCase:
         """Return a case to be computed, with the nearest solved case above it in the tree."""
@@ -171,6 +175,7 @@ def carry_out(
         StoreError: the store cannot be written.
         RuntimeError: the given executor broke.
         TypeError: the function that should make an executor returned something else.
+        NotSentError: the settings cannot be sent to the processes of the executor; nothing is stored.
     """
     stored = store.records(plan.ids)
     retried = {name: result for name, result in stored.items() if retry_failed and not result.ok}
@@ -183,6 +188,7 @@ def carry_out(
     run.tell()
     make: Callable[[], Executor] | None = None if isinstance(executor, Executor) else executor
     pool = executor if isinstance(executor, Executor) else _made(make) if make else None
+    run.sent = sendable(plan.settings, pool)
     try:
         _loop(run, pool, make)
     finally:
@@ -205,6 +211,7 @@ def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
             number = run.running.pop(future)
             try:
                 result = future.result()
+                run.arrived = True
             except BrokenExecutor as error:
                 if make is None:
                     raise _broken(run, error) from None
@@ -214,6 +221,8 @@ def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
                     continue
                 result = run.failure(number, DIED)
             except Exception as error:  # of the executor, or of sending the case and its result
+                if not run.arrived and type(error).__name__ != "KilledWorker":
+                    raise NotSentError(f"no case could be sent to the executor ({in_words(error)}); {ADVICE}") from None
                 result = run.failure(number, in_words(error))
             # Not within the try: an error of the store is no failure of the case.
             run.finish(number, result)
@@ -242,7 +251,7 @@ def _submit(run: _Run, pool: Any, suspects: deque[int]) -> None:
             done.set_result(compute(settings, task))
             run.running[done] = number
         else:
-            run.running[pool.submit(compute, settings, task)] = number
+            run.running[pool.submit(compute_for, os.getpid(), run.sent, task)] = number
         if limit == 1:
             break
 

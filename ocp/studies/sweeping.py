@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -11,6 +12,7 @@ from itertools import islice
 from typing import Any
 
 from ocp import checks
+from ocp.studies.sending import end_with_parent, sendable
 
 AHEAD = 64  # cases submitted to an executor before the first result is waited for
 
@@ -50,7 +52,8 @@ def sweep(
         executor: any concurrent.futures.Executor; None calls here, one after the other.
 
     Raises:
-        TypeError: function cannot be called, a case is no mapping, or executor has no submit.
+        TypeError: function cannot be called or sent to the processes of the executor, a case is no mapping, or executor
+            has no submit.
     """
     check_function("sweep: function", function)
     if executor is not None and not callable(getattr(executor, "submit", None)):
@@ -61,7 +64,7 @@ def sweep(
         checks.mapping(f"sweep: case {number} of cases", case, "a mapping name -> value")
         for name in case:
             checks.text(f"sweep: cases, names of case {number}", name)
-    return _results(function, rows, executor)
+    return _results(sendable(function, executor), rows, executor)
 
 
 def _results(
@@ -72,14 +75,16 @@ def _results(
             yield attempt(function, case)
         return
     waiting = iter(rows)
-    running = deque((case, executor.submit(attempt, function, case)) for case in islice(waiting, AHEAD))
+    running = deque(
+        (case, executor.submit(_attempt_for, os.getpid(), function, case)) for case in islice(waiting, AHEAD)
+    )
     while running:
         case, future = running.popleft()
         try:
             result = future.result()
         except Exception as error:  # the worker died, or the case or its result could not be sent
             result = Outcome(case, None, in_words(error), 0.0)
-        running += [(case, executor.submit(attempt, function, case)) for case in islice(waiting, 1)]
+        running += [(case, executor.submit(_attempt_for, os.getpid(), function, case)) for case in islice(waiting, 1)]
         yield result
 
 
@@ -93,9 +98,14 @@ def attempt(function: Callable[..., Any], case: Mapping[str, Any]) -> Outcome:
     begun = time.perf_counter()
     try:
         value, error = function(**case), ""
-    except Exception as raised:
+    except (Exception, SystemExit) as raised:
         value, error = None, in_words(raised)
     return Outcome(dict(case), value, error, time.perf_counter() - begun)
+
+
+def _attempt_for(owner: int, function: Callable[..., Any], case: Mapping[str, Any]) -> Outcome:
+    end_with_parent(owner)
+    return attempt(function, case)
 
 
 def in_words(error: BaseException) -> str:

@@ -22,6 +22,7 @@ from ocp.studies.case_slopes import slopes
 from ocp.studies.case_solver import CaseSolver, OpenCase, StudySettings, call
 from ocp.studies.content_hash import as_json
 from ocp.studies.default_measures import named_numbers
+from ocp.studies.sending import end_with_parent
 from ocp.studies.sweeping import in_words
 
 
@@ -37,9 +38,21 @@ def compute(settings: StudySettings, task: OpenCase) -> CaseResult:
     blank = CaseResult(task.id, task.case, "failed", "", "", origin=origin, attempts=task.attempts)
     try:
         result = _computed(settings, task, blank)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         result = replace(blank, message=f"{in_words(error)}{_line_of(error)}")
     return replace(result, timings={**result.timings, "total": time.perf_counter() - begun})
+
+
+def compute_for(owner: int, settings: StudySettings, task: OpenCase) -> CaseResult:
+    """Compute a case in a worker process, which ends when the process that started it is gone.
+
+    Args:
+        owner: id of the process that runs the study.
+        settings: of the study.
+        task: the case.
+    """
+    end_with_parent(owner)
+    return compute(settings, task)
 
 
 def _computed(settings: StudySettings, task: OpenCase, blank: CaseResult) -> CaseResult:

@@ -1,0 +1,109 @@
+"""Sending functions to worker processes, and ending these when the process that started them is gone."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import multiprocessing
+import os
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor
+from multiprocessing.connection import wait
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
+from typing import Any
+
+ADVICE = 'move it to a module, a .py file that is imported, or pip install "hamel[notebook]" (cloudpickle)'
+
+
+class NotSentError(TypeError):
+    """A function that another process cannot receive: a lambda, a closure, one that was typed into a notebook."""
+
+
+class _Sent:
+    """An object as the content that cloudpickle made of it: functions with their code instead of their name."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[bytes]]:
+        return _received, (self.content,)
+
+
+@functools.lru_cache(maxsize=4)
+def _received(content: bytes) -> Any:
+    import cloudpickle
+
+    return cloudpickle.loads(content)
+
+
+def sendable(value: Any, executor: Executor | None) -> Any:
+    """Return a value in a form that arrives in the processes of an executor as what it is.
+
+    Threads take it as it is, Dask and MPI have a pickle of their own. For a pool of processes, what pickle cannot send
+    goes through cloudpickle, if that is installed.
+
+    Args:
+        value: settings of a study.
+        executor: that computes the cases; None computes in this process.
+
+    Raises:
+        NotSentError: it cannot be sent; one sentence with what to do.
+    """
+    if not isinstance(executor, ProcessPoolExecutor):
+        return value
+    try:
+        content = bytes(ForkingPickler.dumps(value))
+        if b"__main__" not in content or _has_file() or _is_forked(executor):
+            return value
+        reason = "it was typed into a notebook or a shell, which worker processes do not see"
+    except Exception as error:
+        reason = " ".join(str(error).split())
+    try:
+        import cloudpickle
+
+        return _Sent(cloudpickle.dumps(value))
+    except ImportError:
+        raise NotSentError(f"the function cannot be sent to another process ({reason}); {ADVICE}") from None
+    except Exception as error:
+        words = " ".join(str(error).split())
+        raise NotSentError(f"the function cannot be sent to another process ({words}); move it to a module") from None
+
+
+def _has_file() -> bool:
+    """Return whether the main program is a file, which worker processes can read."""
+    main = sys.modules.get("__main__")
+    file = getattr(main, "__file__", None)
+    return getattr(main, "__spec__", None) is not None or (file is not None and Path(file).exists())
+
+
+def _is_forked(executor: ProcessPoolExecutor) -> bool:
+    context = getattr(executor, "_mp_context", None)
+    return context is not None and context.get_start_method() == "fork"
+
+
+_watching = threading.Lock()
+
+
+def end_with_parent(owner: int) -> None:
+    """End this process within a second of its parent, however that ends; nothing in the process of the study itself.
+
+    Args:
+        owner: id of the process that runs the study.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None or os.getpid() == owner or not _watching.acquire(blocking=False):
+        return
+
+    above = os.getppid()
+
+    def watch() -> None:
+        # A process forked later may hold the sentinel open; then the id of the parent changes.
+        with contextlib.suppress(OSError):
+            while not wait([parent.sentinel], 1.0) and os.getppid() == above:
+                pass
+        os._exit(1)
+
+    threading.Thread(target=watch, name="end with parent", daemon=True).start()
