@@ -15,7 +15,7 @@ from ocp import checks
 from ocp.studies.case_result import CaseResult
 from ocp.studies.case_solver import OpenCase, SolvedCase, StudySettings
 from ocp.studies.designs import Case
-from ocp.studies.sending import ADVICE, NotSentError, sendable
+from ocp.studies.sending import ADVICE, NotSentError, let_end_with_parent, sendable
 from ocp.studies.store import LEASE, Store
 from ocp.studies.sweeping import in_words
 from ocp.studies.worker import compute, compute_for
@@ -189,6 +189,8 @@ def carry_out(
     make: Callable[[], Executor] | None = None if isinstance(executor, Executor) else executor
     pool = executor if isinstance(executor, Executor) else _made(make) if make else None
     run.sent = sendable(plan.settings, pool)
+    if run.ready:
+        let_end_with_parent(pool)
     try:
         _loop(run, pool, make)
     finally:
@@ -231,6 +233,7 @@ def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
             run.running.clear()
             pool.shutdown(wait=False, cancel_futures=True)
             pool = _made(make)
+            let_end_with_parent(pool)
         if time.monotonic() - renewed > LEASE / 4.0:
             run.store.renew()
             renewed = time.monotonic()

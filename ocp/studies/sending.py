@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.connection import wait
@@ -82,6 +83,26 @@ def _has_file() -> bool:
 def _is_forked(executor: ProcessPoolExecutor) -> bool:
     context = getattr(executor, "_mp_context", None)
     return context is not None and context.get_start_method() == "fork"
+
+
+def let_end_with_parent(executor: Executor | None) -> None:
+    """Let all processes of a forked pool end with this one, also those that never get a case.
+
+    A forked pool starts all its processes at once; each holds the pipes of the others open, so that none of them would
+    notice that this process is gone. Other pools start a process only when there is a case for it.
+
+    Args:
+        executor: that computes the cases.
+    """
+    if isinstance(executor, ProcessPoolExecutor) and _is_forked(executor):
+        for _ in range(getattr(executor, "_max_workers", 1)):
+            executor.submit(_stay, os.getpid())
+
+
+def _stay(owner: int) -> None:
+    """Watch the parent, and stay long enough for the other processes of the pool to take the next call."""
+    end_with_parent(owner)
+    time.sleep(0.1)
 
 
 _watching = threading.Lock()
