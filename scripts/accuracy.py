@@ -6,6 +6,10 @@ equations to the solution. Errors are true ones, against a reference whose own e
 
 from __future__ import annotations
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for everyone; libraries read it when they are loaded
@@ -202,4 +206,4 @@ def _silent(_: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

@@ -6,6 +6,10 @@ absolute figures do not. Nothing is judged by time: exit status 1 means that a s
 
 from __future__ import annotations
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for everyone; libraries read it when they are loaded
@@ -280,4 +284,4 @@ def curve(axis: Axes, results: Results, problem: str, column: str, style: str) -
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

@@ -1,8 +1,7 @@
 """Seconds saved by compiled functions of an element, on the problems of the benchmark: prints a table."""
 
-import sys
-
 from benchmarks.compilation import main
+from reports.command import exit_with
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

@@ -1,8 +1,7 @@
 """Seconds per case of a study of 200 cases against single solves, in one run: prints tables."""
 
-import sys
-
 from benchmarks.study_run import main
+from reports.command import exit_with
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

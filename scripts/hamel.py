@@ -6,6 +6,8 @@ import importlib
 import sys
 from collections.abc import Sequence
 
+from reports.command import exit_with
+
 # command -> (module, arguments that it stands for, what it does)
 COMMANDS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "time-optimal": ("time_optimal", (), "the fastest motion of a scene: solve, verify, draw, report"),
@@ -52,4 +54,4 @@ def _help() -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

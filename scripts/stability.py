@@ -1,5 +1,9 @@
 """Stability suite: measure every hard case, and write the table and the picture of error against distance."""
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import importlib
 import sys
 from collections.abc import Sequence
@@ -16,4 +20,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

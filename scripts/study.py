@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import argparse
 import functools
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from reports import study_file
 from reports.output import add_output, output_folder, working
+from reports.progress import progress_of
 
 from models import Scene
 from models.plots import studies
@@ -22,9 +26,6 @@ from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
 from ocp.studies.executors import KINDS, executor
 from ocp.studies.main_effects import influences, jumps
-from ocp.studies.runner import Progress
-
-NO_BAR = 'study: no progress bar without tqdm: pip install "hamel[study]"'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -139,31 +140,8 @@ def _check_resume(study: Study, store: Path) -> None:
 def _run(study: Study, options: argparse.Namespace) -> StudyTable:
     kind = options.executor or ("processes" if options.jobs > 1 else "here")
     shown = not (options.quiet or options.json)
-    with executor(kind, options.jobs) as run, _bar(len(study.cases), shown) as watch:
+    with executor(kind, options.jobs) as run, progress_of(len(study.cases), shown) as watch:
         return study.run(run, options.retry_failed, watch)
-
-
-@contextmanager
-def _bar(total: int, shown: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """Show a bar with cases done, failed, rate and remaining time."""
-    if not shown:
-        yield None
-        return
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        print(NO_BAR, file=sys.stderr)
-        yield None
-        return
-    with tqdm(total=total, unit="case", dynamic_ncols=True) as bar:
-
-        def watch(progress: Progress) -> None:
-            if progress.last is None:
-                bar.initial = bar.n = bar.last_print_n = progress.done
-            bar.set_postfix(failed=progress.failed, refresh=False)
-            bar.update(progress.done - bar.n)
-
-        yield watch
 
 
 def _write(study: Study, table: StudyTable, options: argparse.Namespace, name: str) -> list[Path]:
@@ -172,7 +150,10 @@ def _write(study: Study, table: StudyTable, options: argparse.Namespace, name: s
     stem, units = Path(name).stem, study_file.units(study)
     files = [options.output / f"{stem}.csv", *options.export]
     for path in files:
-        (table.write_parquet if path.suffix == ".parquet" else table.write_csv)(path)
+        if path.suffix == ".parquet":
+            table.write_parquet(path)
+        else:
+            table.write_csv(path, units)
     if any(table.ok):
         files += studies.draw(table, options.result, options.output / stem, units, options.formats)
     if options.report:
@@ -201,4 +182,4 @@ def _jobs(text: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

@@ -6,13 +6,16 @@ m, torques in N m and forces in N, in the order of the coordinates. A scene file
 
 from __future__ import annotations
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import matplotlib
 import numpy as np
 from reports import effect_budget as budget
 from reports.motion_account import Files, account, describe, named
@@ -45,7 +48,6 @@ Exit status: 0 verified, 1 no verified solution, 2 wrong usage."""
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 for a verified solution, 1 for none, 2 for wrong usage."""
-    matplotlib.use("Agg")
     parser = command_line()
     options = parser.parse_args(arguments)
     if options.template:
@@ -248,4 +250,4 @@ def _silent(_: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

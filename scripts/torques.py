@@ -6,6 +6,10 @@ through as fast as --limit allows), a ROS JointTrajectory (.json, .yaml), a solu
 
 from __future__ import annotations
 
+from reports.command import exit_with  # first: it decides how pictures are drawn
+
+# isort: split
+
 import argparse
 import json
 import os
@@ -283,4 +287,4 @@ def _rows(text: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    exit_with(main)

@@ -49,8 +49,8 @@ def of_text(text: str, file: str) -> tuple[Scene, Task]:
 
 
 def of_document(document: Table) -> tuple[Scene, Task]:
-    """Return the scene and the task of a document."""
-    document.only([*KEYS, "limits", "task"])
+    """Return the scene and the task of a document; of a study, for the numbers that stand in the file."""
+    document.only([*KEYS, "limits", "task", "study"])
     scene = read_scene(document)
     return scene, read_task(document, scene)
 

@@ -38,7 +38,7 @@ class StudySettings:
             comes first in a process.
         measure: of a solution, returns name -> number.
         scheme, grid, solver: as for `ocp.solve`.
-        polished, neighbours, checked, slopes, compiled: as for `ocp.Study`.
+        polished, neighbours, checked, slopes, compiled, verified: as for `ocp.Study`.
     """
 
     identity: str
@@ -53,6 +53,7 @@ class StudySettings:
     checked: float
     slopes: bool
     compiled: bool
+    verified: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import io
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,15 +23,17 @@ from ocp.solution.storage import decode
 from ocp.studies.case_result import CaseResult
 from ocp.studies.designs import Case, Design, Product
 
-WORDS = ("status", "way", "message")
+WORDS = ("status", "way", "message", "resolved", "verified")
+UNRESOLVED = "the grid does not resolve the motion"  # in the message of a solution
 
 
 @dataclass(frozen=True, eq=False)
 class StudyTable:
     """Table of the results of a study, one row for each case.
 
-    Columns are the names of the values of a case, then `status`, `way`, `message`, `seconds`, then the results; results
-    of cases that failed or are not computed yet are NaN.
+    Columns are the names of the values of a case, then `status`, `way`, `message`, `resolved` (whether the grid
+    resolves the motion: yes, no, or "" if no motion was solved), `verified` (the same for `verify`, if the study asked
+    for it), `seconds`, then the results; results of cases that failed or are not computed yet are NaN.
 
     Args:
         cases: in the order of the design.
@@ -61,7 +63,9 @@ class StudyTable:
     @cached_property
     def results(self) -> tuple[str, ...]:
         """Names of the results."""
-        return tuple(dict.fromkeys(name for record in self.records if record for name in record.results))
+        return tuple(
+            dict.fromkeys(name for record in self.records if record for name in record.results if name != "verified")
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -88,12 +92,16 @@ class StudyTable:
             ValueError: no such case.
         """
         record = self.records[self._number(number)]
-        words = {name: getattr(record, name) if record else "" for name in WORDS}
-        words["status"] = words["status"] or "open"
+        words = _words(record)
         numbers = {name: record.results.get(name, math.nan) if record and record.ok else math.nan
                    for name in self.results}  # fmt: skip
         seconds = record.timings.get("total", math.nan) if record else math.nan
         return {**numbers, **self.cases[number], **words, "seconds": seconds}
+
+    @property
+    def unresolved(self) -> tuple[int, ...]:
+        """Numbers of the solved cases whose grid does not resolve the motion."""
+        return tuple(k for k, record in enumerate(self.records) if _words(record)["resolved"] == "no")
 
     def _number(self, number: object) -> int:
         return checks.whole("number", number, 0, len(self) - 1, "a case")
@@ -177,8 +185,12 @@ class StudyTable:
         assert isinstance(self.design, Product)
         return xarray.Dataset(data, coords={name: list(values) for name, values in self.design.axes.items()})
 
-    def write_csv(self, path: str | os.PathLike[str]) -> None:
+    def write_csv(self, path: str | os.PathLike[str], units: Mapping[str, str] | None = None) -> None:
         """Write all columns; an existing file is replaced only when the new one is complete.
+
+        Args:
+            path: of the file.
+            units: column -> unit, which the header has in brackets behind the name; seconds are known.
 
         Raises:
             TypeError, ValueError: no path of a file.
@@ -187,7 +199,8 @@ class StudyTable:
         target = checks.path("path", path)
         text = io.StringIO()
         writer = csv.writer(text)
-        writer.writerow(self.columns)
+        known = {"seconds": "s", **(units or {})} if units is not None else {}
+        writer.writerow([f"{name} [{known[name]}]" if known.get(name) else name for name in self.columns])
         for row in self:
             values = [row[name] for name in self.columns]
             writer.writerow([repr(value) if isinstance(value, float) else value for value in values])
@@ -225,6 +238,24 @@ class StudyTable:
         lines += [f"case {k} {self.cases[k]}: {text}" for k, text in list(self.failures.items())[:10]]
         if len(self.failures) > 10:
             lines.append(f"and {len(self.failures) - 10} more failures")
+        if self.unresolved:
+            numbers = ", ".join(map(str, self.unresolved[:10])) + (" ..." if len(self.unresolved) > 10 else "")
+            lines.append(f"solved on a grid that does not resolve the motion: {len(self.unresolved)} cases ({numbers})")
         if self.covers:
             lines.append(f"computed anew if one of these changes: values, settings, {self.covers}")
         return "\n".join(lines)
+
+
+def _words(record: CaseResult | None) -> dict[str, str]:
+    """Return the columns of a case that are texts."""
+    if record is None:
+        return {**dict.fromkeys(WORDS, ""), "status": "open"}
+    solved = record.ok and "iterations" in record.results and "solver" in record.timings
+    verified = record.results.get("verified", math.nan)
+    return {
+        "status": record.status,
+        "way": record.way,
+        "message": record.message,
+        "resolved": ("no" if UNRESOLVED in record.message else "yes") if solved else "",
+        "verified": "" if math.isnan(verified) else "yes" if verified else "no",
+    }

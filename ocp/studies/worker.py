@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ocp import checks
+from ocp.accuracy.verification import verify
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.solution.sequence_solution import SequenceSolution
@@ -77,11 +78,17 @@ def _result_of_solution(settings: StudySettings, solution: Any, blank: CaseResul
     else:
         results = named_numbers("the measure", settings.measure(solution))
         files = {"solution": encode(solution)}
-    seconds = solution.timings
+    seconds, message = solution.timings, solution.message
+    if note and note.removeprefix("warm start: ") not in message:
+        message = f"{message}; {note}".removeprefix("; ")
+    if settings.verified and solution.ok:
+        report = verify(solution)
+        results["verified"] = float(report.ok)
+        message = "; ".join([message, *(f"not verified: {one}" for one in report.failures)])
     return replace(
         blank,
         status="solved" if solution.ok else solution.status.name.lower(),
-        message=f"{solution.message}; {note}".removesuffix("; "),
+        message=message,
         results={**results, "iterations": float(solution.iterations)},
         timings={"derivatives": seconds.derivatives, "solver": seconds.solver},
         solutions=files,

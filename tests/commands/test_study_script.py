@@ -3,15 +3,20 @@
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import study as command
+import time_optimal
 from reports import study_file
+from reports.progress import lines_of, progress_of
 
+from models.scenes.task_file import of_text
 from models.scenes.toml_document import SceneError, parse
+from ocp import Study
 
 ROOT = Path(__file__).parents[2]
 SCENE = """
@@ -53,8 +58,8 @@ def test_a_study_is_computed_drawn_and_resumed(tmp_path, capsys):
     assert names == {"s.csv", "s_contours.png", "s_ranking.png"}
     with (tmp_path / "out" / "s.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["payload.mass"] for row in rows] == ["0.0"] * 3 + ["2.0"] * 3
-    durations = [float(row["duration"]) for row in rows]
+    assert [row["payload.mass [kg]"] for row in rows] == ["0.0"] * 3 + ["2.0"] * 3
+    durations = [float(row["duration [s]"]) for row in rows]
     assert durations[0] > durations[1] > durations[2]
     assert all(light <= heavy for light, heavy in zip(durations[:3], durations[3:], strict=True))
     assert call(tmp_path, "--resume") == 0
@@ -78,7 +83,7 @@ def test_failures_leave_gaps_and_an_exit_status(tmp_path, capsys):
     assert "case 2 {'payload.mass': 3000.0}" in told.out
     assert (tmp_path / "out" / "s_lines.png").exists()
     with (tmp_path / "out" / "s.csv").open(newline="") as file:
-        assert [row["duration"] == "nan" for row in csv.DictReader(file)] == [False, False, True]
+        assert [row["duration [s]"] == "nan" for row in csv.DictReader(file)] == [False, False, True]
 
 
 @pytest.mark.slow
@@ -89,7 +94,7 @@ def test_three_axes_texts_and_samples(tmp_path):
     forms = '"form" = ["canonical", "hamel"]\n"parameters.m_3" = [18.0, 20.0]\n'
     assert call(tmp_path, path=write(tmp_path, forms, name="forms.toml")) == 0
     with (tmp_path / "out" / "forms.csv").open(newline="") as file:
-        results = {(row["form"], row["m_3"]): float(row["duration"]) for row in csv.DictReader(file)}
+        results = {(row["form"], row["m_3 [kg]"]): float(row["duration [s]"]) for row in csv.DictReader(file)}
     assert results["canonical", "18.0"] == pytest.approx(results["hamel", "18.0"], rel=1e-4)
     pytest.importorskip("scipy", reason="SciPy is not installed (extra study)")
     sampled = (
@@ -140,6 +145,39 @@ def test_a_wrong_file_is_refused_with_its_key(text, words):
         study_file.of_document(parse(text, "s.toml"), None)
     assert "s.toml" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_study_is_a_scene_for_the_other_commands(tmp_path, capsys):
+    _, task = of_text(SCENE + AXES, "s.toml")
+    assert task.elements == 12
+    assert time_optimal.main([str(write(tmp_path)), "--card"]) == 0
+    assert "payload" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["study", "time_optimal", "torques", "accuracy", "benchmark", "stability", "hamel"])
+def test_a_command_ends_quietly_whatever_reads_its_output_and_draws_its_pictures(name):
+    given = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "module://not_installed_here.backend"}
+    reader, writer = os.pipe()
+    os.close(reader)  # as of `| head -0`
+    run = [sys.executable, str(ROOT / "scripts" / f"{name}.py"), "--help"]
+    done = subprocess.run(run, stdout=writer, stderr=subprocess.PIPE, text=True, env=given, check=False)
+    os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode in (0, 141)  # argparse itself ends quietly, with 0
+
+
+def test_progress_is_a_line_every_few_seconds_without_tqdm(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    with progress_of(3, True) as watch:
+        Study(lambda x: 1.0 / x, over={"x": [1.0, 0.0, 2.0]}).run(watch=watch)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "study: 0 of 3 cases"
+    assert re.fullmatch(r"study: 3 of 3 cases, 1 failed, \S+ s for a case, about 0 s left", lines[-1])
+    every = lines_of(0.0)
+    Study(lambda x: x, over={"x": range(4)}).run(watch=every)
+    assert len(capsys.readouterr().err.splitlines()) == 5
+    with progress_of(3, False) as watch:
+        assert watch is None
 
 
 def test_wrong_options(tmp_path, capsys):

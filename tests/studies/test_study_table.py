@@ -3,10 +3,25 @@
 import csv
 import math
 
+import casadi as ca
 import numpy as np
 import pytest
+from catalogue.studies import QUIET, cart, carts
 
-from ocp import LatinHypercube, Product, Study
+from ocp import (
+    Bolza,
+    Fixed,
+    LatinHypercube,
+    Problem,
+    Product,
+    Study,
+    System,
+    along,
+    solve,
+    start,
+    uniform,
+    verify,
+)  # fmt: skip
 from ocp.studies.designs import Zip
 from ocp.studies.main_effects import influences, jumps
 
@@ -26,7 +41,7 @@ def table():
 
 
 def test_columns_and_gaps(table):
-    assert table.columns == ("a", "b", "status", "way", "message", "seconds", "value", "sum")
+    assert table.columns == ("a", "b", "status", "way", "message", "resolved", "verified", "seconds", "value", "sum")
     assert table.axes == ("a", "b")
     np.testing.assert_allclose(table["value"][:-1], [1.0, 0.5**0.5, 4.0, 4.0 * 0.5**0.5, 9.0])
     assert math.isnan(table["value"][-1])
@@ -60,6 +75,44 @@ def test_csv_has_every_digit(table, tmp_path):
     assert rows[-1]["value"] == "nan"
     assert "no way" in rows[-1]["message"]
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
+
+
+X, U = ca.SX.sym("x"), ca.SX.sym("u")
+LAG = System(X, U, ca.SX(0, 1), 20.0 * (U - X), {"x": X}, {})
+
+
+def stiff(elements):
+    problem = Problem(
+        LAG, horizon=Fixed(1.0), minimise=Bolza(running=(X - 1.0) ** 2 + 0.1 * U**2),
+        subject_to=(start(X, 0.0), along(U, -1.0, 1.0)),
+    )  # fmt: skip
+    return solve(problem, grid=uniform(elements), solver=QUIET)
+
+
+def test_units_stand_in_the_header(table, tmp_path):
+    table.write_csv(tmp_path / "t.csv", {"a": "kg", "value": "m/s"})
+    header = (tmp_path / "t.csv").read_text().splitlines()[0]
+    assert header == "a [kg],b,status,way,message,resolved,verified,seconds [s],value [m/s],sum"
+
+
+def test_a_grid_that_does_not_resolve_the_motion_is_not_hidden_behind_solved():
+    """x' = 20 (u - x), |u| <= 1, is stiff: elements of half a second cannot follow it, of a hundredth they can."""
+    table = Study(stiff, over={"elements": [2, 200]}).run()
+    assert np.all(table.ok)
+    assert list(table["resolved"]) == ["no", "yes"]
+    assert table.unresolved == (0,)
+    assert "does not resolve the motion: 1 cases (0)" in str(table)
+    assert set(table["verified"]) == {""}
+    assert set(Study(product, over={"a": [1.0], "b": [1.0]}).run()["resolved"]) == {""}
+
+
+def test_solutions_are_verified_where_asked():
+    study = dict(over={"mass": [1.0, 2.0], "limit": [1.0]}, grid=uniform(40))
+    plain, verified = carts(**study).run(), carts(**study, verified=True).run()
+    assert set(plain["verified"]) == {""}
+    assert set(verified["verified"]) == {"yes" if verify(solve(cart(), grid=uniform(40), solver=QUIET)).ok else "no"}
+    assert verified.records[0].id != plain.records[0].id
+    assert "verified" not in verified.results
 
 
 def test_parquet_and_pandas(table, tmp_path):
