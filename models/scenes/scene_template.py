@@ -13,6 +13,7 @@ from models.machines.parameters import Follows, unit_of
 from models.machines.spherical_arm import spherical
 from models.machines.torus_arm import torus
 from models.scenes import catalogue
+from models.scenes.argument_words import argument_words
 
 # Values of parameters without a default, by unit, of a usual size.
 USUAL = {
@@ -33,6 +34,7 @@ class Default:
     q_min: tuple[float, ...]
     q_max: tuple[float, ...]
     limit: tuple[float, ...]  # largest force of every drive, in both directions [N m or N]
+    coordinates: tuple[str, ...]  # what each coordinate does, and where it is zero
 
 
 TASKS = {
@@ -40,12 +42,28 @@ TASKS = {
         spherical,
         (0.9, 0.0, 0.0, 0.85), (1.6, 2.0, 0.5, 0.9),
         (0.15, -3.0, -3.0, 0.6), (2.8, 3.0, 3.0, 1.1), (260.0, 160.0, 3.0, 400.0),
+        (
+            "tilts the arm from the vertical; 0: the arm points upwards",
+            "turns the column about the vertical e_3; 0: the arm tilts towards e_2",
+            "spins the arm about its own axis; 0: its axes are those of the swivelling body",
+            "extends the arm; 0: its mass centre is in the centre of rotation",
+        ),
     ),
     "cylindrical": Default(
-        cylindrical, (0.0, 0.2, 0.6), (2.0, 0.8, 0.8), (-3.0, 0.0, 0.3), (3.0, 1.2, 1.0), (150.0, 1000.0, 300.0)
+        cylindrical, (0.0, 0.2, 0.6), (2.0, 0.8, 0.8), (-3.0, 0.0, 0.3), (3.0, 1.2, 1.0), (150.0, 1000.0, 300.0),
+        (
+            "turns the column about the vertical e_3; 0: the arm extends along e_2",
+            "lifts the carriage; 0: at the origin",
+            "extends the arm; 0: its mass centre is beside the axis",
+        ),
     ),
     "torus": Default(
-        torus, (0.0, 0.4, -0.9), (2.0, 0.8, -1.3), (-3.0, -0.3, -2.6), (3.0, 2.0, 2.6), (250.0, 600.0, 220.0)
+        torus, (0.0, 0.4, -0.9), (2.0, 0.8, -1.3), (-3.0, -0.3, -2.6), (3.0, 2.0, 2.6), (250.0, 600.0, 220.0),
+        (
+            "turns the column about the vertical e_3; 0: the arm lies above e_1",
+            "raises link 2; 0: horizontal",
+            "bends link 3 against link 2; 0: stretched",
+        ),
     ),
 }  # fmt: skip
 
@@ -65,6 +83,7 @@ def _head(name: str, machine: Manipulator) -> Iterator[str]:
         f"# A scene of the {name} manipulator: machine, effects, limits and task of a motion.",
         "# SI units and radians throughout; an angle may be given in degrees by a key that ends in _deg.",
         f"# Coordinates, in this order: {', '.join(f'{c.name} [{c.unit}]' for c in machine.coordinates)}.",
+        *(f"#   {c.name} {words}" for c, words in zip(machine.coordinates, TASKS[name].coordinates, strict=True)),
         "# One number for each coordinate: [1, 2, ...], or by name, { " + machine.coordinates[0].name + " = 1, ... }.",
         "",
         f'machine = "{name}"'.ljust(24) + f"# {', '.join(catalogue.machines())}",
@@ -76,12 +95,14 @@ def _head(name: str, machine: Manipulator) -> Iterator[str]:
 
 def _parameters(name: str) -> Iterator[str]:
     yield "[parameters]            # these are the defaults; a line may be left out"
+    words = argument_words(catalogue.machines()[name])
     for parameter in inspect.signature(catalogue.machines()[name]).parameters.values():
-        default, unit = parameter.default, unit_of(parameter.name)
+        default, note = parameter.default, f"{unit_of(parameter.name)}; {words.get(parameter.name, '')}".rstrip("; ")
         if isinstance(default, Follows):
-            yield f"# {parameter.name} = ...".ljust(24) + f"# {unit}; {default.factor:g} {default.name} if left out"
+            missing = default.name if default.factor == 1.0 else f"{default.factor:g} {default.name}"
+            yield f"# {parameter.name} = ...".ljust(24) + f"# {note}; {missing} if left out"
         elif not isinstance(default, bool):
-            yield f"{parameter.name} = {default!r}".ljust(24) + f"# {unit}"
+            yield f"{parameter.name} = {default!r}".ljust(24) + f"# {note}"
     yield ""
 
 
@@ -93,14 +114,15 @@ def _effects() -> Iterator[str]:
         sentence = (inspect.getdoc(kind) or "").splitlines()[0]
         yield from (f"# {line}" for line in textwrap.wrap(sentence, 112, break_on_hyphens=False))
         yield f"{lead}[effects.{name}]"
+        words = argument_words(kind)
         for field in fields(kind):
             value, unit = field.default, field.metadata.get("unit", "")
-            note = unit
+            note = "; ".join(part for part in (unit, words.get(field.name, "")) if part)
             if value is MISSING:
                 value = LARGER.get((name, field.name), USUAL.get(unit, 1.0))
                 note += ", no default"
             elif value is None:
-                yield _line(f"# # {field.name} = ...", f"{unit}, none if left out".lstrip(", "))
+                yield _line(f"# # {field.name} = ...", f"{note}, none if left out".lstrip(", "))
                 continue
             yield _line(f"{lead}{field.name} = {_toml(value)}", note)
         yield ""

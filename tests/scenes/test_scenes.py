@@ -20,6 +20,7 @@ from models.effects import Coulomb, Gravity, LaggedDrive, MotorDrive, Payload, R
 from models.forms import canonical, hamel, lagrange
 from models.scenes import catalogue, task_file
 from models.scenes import scene_template as template
+from models.scenes.argument_words import argument_words
 from models.scenes.toml_document import SceneError
 from ocp import Fixed, Free, Sequence, point_to_point, radau, solve, uniform, verify
 
@@ -273,3 +274,39 @@ def test_a_row_of_the_budget_that_is_not_possible_says_so():
     assert row.status is None
     assert "copper_loss" in row.message
     assert "without motor_drive: not possible" in str(table)
+
+
+@pytest.mark.parametrize("name", template.TASKS)
+def test_a_template_explains_every_parameter_and_coordinate(name):
+    text = template.scene_text(name)
+    machine = template.TASKS[name].machine()
+    for coordinate in machine.coordinates:
+        assert re.search(rf"^#   {coordinate.name} \w+ .*; 0: ", text, re.MULTILINE)
+    table = text[text.index("[parameters]") : text.index("# Effects")]
+    for parameter in machine.nominal:
+        line = next(line for line in table.splitlines() if line.removeprefix("# ").startswith(f"{parameter} = "))
+        unit, _, words = line.partition("# ")[2].removeprefix(f"{parameter} = ...".ljust(22) + "# ").partition("; ")
+        assert len(words.split()) >= 2, line
+        assert unit, line
+    assert "moment of inertia of the column" in table
+
+
+def test_words_of_arguments():
+    def thing(a, b, c):
+        """Do nothing.
+
+        Args:
+            a, b: masses of the links,
+                both of them [kg].
+            c: of the load; a long explanation that goes on and on, far beyond what fits into the margin [kg].
+
+        Returns:
+            d: none of these.
+        """
+
+    words = argument_words(thing)
+    assert words == {
+        "a": "masses of the links, both of them", "b": "masses of the links, both of them",
+        "c": "masses of the load",
+    }  # fmt: skip
+    assert argument_words(test_words_of_arguments) == {}
