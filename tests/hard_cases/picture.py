@@ -1,10 +1,8 @@
-"""Picture of the stability suite: what is at risk against the distance to the degeneracy."""
+"""Picture of the stability suite: one line for each case, coloured by how much of its tolerance it takes."""
 
 from __future__ import annotations
 
 import math
-import textwrap
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,83 +12,78 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 
-from hard_cases.case import Figure, Finding
+from hard_cases.case import Finding
 from models.plots.style import FAINT, LIMIT, saved
-from ocp.checks import Array
 
-LEAST = 1e-18  # where zeros are drawn
-COLUMNS = 4
+LEAST = -6.0  # power of ten of the smallest share of a tolerance that has a colour of its own
+ROW = 0.155  # height of a line [inches]
+WIDTH = 8.2  # of a page [inches]
+SHOWN = (1e-17, 1e14)  # distances; a case that goes on to overflow is cut off
+LABEL = 62  # characters of the name of a case
 
 
 def draw(findings: Sequence[Finding], path: Path) -> None:
-    """Draw every case that has distances: cases of one quantity on one way together, the others of a group in a panel.
+    """Draw every case that has distances as a line of squares over the distance from its degeneracy.
 
-    Dashed where the tolerance is. Counts of which none may be wrong have no error to draw: they stand in the table.
+    The colour is the share that the figure takes of its tolerance; crosses are figures beyond it, of cases outside of
+    the declared domain too. Counts of which none may be wrong have no distance: they stand in the table.
 
     Args:
         findings: of the suite.
         path: of the picture.
     """
-    curves = [(finding, curve) for finding in findings if len(curve := _curve(finding))]
-    common = Counter(_kind(finding) for finding, _ in curves)
-    panels: dict[tuple[str, ...], list[tuple[Finding, Array]]] = {}
-    for finding, curve in curves:
-        whole = _kind(finding)
-        panels.setdefault(whole if common[whole] > 1 else whole[:1], []).append((finding, curve))
-    if not panels:
+    rows: list[tuple[str, Finding | None]] = []
+    for group in dict.fromkeys(finding.case.group for finding in findings):
+        own = [finding for finding in findings if finding.case.group == group and _points(finding)]
+        rows += [(group, None), *((_name(finding), finding) for finding in own)] if own else []
+    if not rows:
         return
-    columns = min(len(panels), COLUMNS)
-    rows = -(-len(panels) // columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(4.6 * columns, 3.9 * rows), layout="constrained", squeeze=False)
-    for axes in grid.ravel()[len(panels) :]:
-        axes.set_visible(False)
-    for axes, (kind, members) in zip(grid.ravel(), panels.items(), strict=False):
-        quantity, towards = kind[1:] or ("figure at risk", "distance, as the legend says")
-        _panel(axes, members, alike=len(kind) > 1)
-        axes.set_title(kind[0], fontsize=10)
-        axes.set_xlabel(towards, fontsize=8)
-        axes.set_ylabel("\n".join(textwrap.wrap(quantity, 44)), fontsize=8)
-    saved(figure, path, dpi=110)
+    figure, axes = plt.subplots(figsize=(WIDTH, 1.0 + ROW * len(rows)), layout="constrained")
+    scale, drawn = Normalize(LEAST, 0.0), None
+    for k, (_, finding) in enumerate(rows):
+        if finding is None:
+            axes.axhline(k, color=FAINT, linewidth=0.4)
+            continue
+        points = _points(finding)
+        distance, share = np.array(points).T
+        powers = np.clip(np.log10(np.maximum(share, 10.0**LEAST)), LEAST, 0.0)
+        place = np.full(len(points), k)
+        drawn = axes.scatter(distance, place, c=powers, norm=scale, cmap="viridis", s=11, marker="s")
+        beyond = share > 1.0
+        axes.plot(distance[beyond], np.full(beyond.sum(), k), "x", color=LIMIT, markersize=4)
+    axes.set_xscale("log")
+    axes.set_xlim(*SHOWN)
+    axes.set_ylim(len(rows) - 0.3, -0.8)
+    axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=6.5)
+    for label, (_, finding) in zip(axes.get_yticklabels(), rows, strict=True):
+        label.set_fontweight("bold" if finding is None else "normal")
+        label.set_color(FAINT if finding is not None and finding.case.outside else "black")
+    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="x", labelsize=7, labeltop=True, top=True)
+    axes.set_xlabel("distance from the degeneracy, as named behind each case", fontsize=8)
+    axes.grid(axis="x", color=FAINT, alpha=0.3, linewidth=0.5)
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=axes, location="bottom", shrink=0.5, aspect=40, pad=0.01)
+        words = "power of ten of figure / tolerance (0: all of it; cross: beyond; grey names: outside the domain)"
+        bar.set_label(words, fontsize=7)
+        bar.ax.tick_params(labelsize=7)
+    saved(figure, path, dpi=150)
 
 
-def _kind(finding: Finding) -> tuple[str, str, str]:
-    return finding.case.group, finding.case.quantity, finding.case.towards
-
-
-def _curve(finding: Finding) -> Array:
-    """Return distance, error and tolerance (K, 3): at each distance the figure that takes most of its tolerance."""
-    worst: dict[float, Figure] = {}
+def _points(finding: Finding) -> list[tuple[float, float]]:
+    """Return the absolute distances that are not zero, each with the largest share of its tolerance there."""
+    worst: dict[float, float] = {}
     for figure in finding.figures:
-        if figure.distance != 0.0 and math.isfinite(figure.distance) and figure.tolerance > 0.0:
-            known = worst.get(figure.distance)
-            worst[figure.distance] = figure if known is None or figure.share > known.share else known
-    return np.array([(d, abs(worst[d].value), worst[d].tolerance) for d in sorted(worst)])
+        distance = abs(figure.distance)
+        if math.isfinite(distance) and distance > 0.0:
+            share = figure.share if math.isfinite(figure.share) else math.inf
+            worst[distance] = max(share, worst.get(distance, 0.0))
+    return sorted((distance, min(share, 1e300)) for distance, share in worst.items())
 
 
-def _panel(axes: Axes, curves: Sequence[tuple[Finding, Array]], alike: bool) -> None:
-    sides = any(np.any(curve[:, 0] < 0.0) for _, curve in curves)
-    colours = plt.get_cmap("tab10")(np.arange(10))
-    for k, (finding, curve) in enumerate(curves):
-        x, y, tolerance = curve.T
-        colour, style = colours[k % len(colours)], ":" if finding.case.outside else "-"
-        # A line that lies below another one stays visible where it is broader.
-        broad = 1.2 + 0.7 * (len(curves) - 1 - k)
-        name = finding.case.name if alike else f"{finding.case.name}; {finding.case.towards}"
-        axes.plot(x, np.maximum(y, LEAST), style, marker=".", color=colour, linewidth=broad, alpha=0.8, label=name)
-        axes.plot(x, tolerance, "--", color=colour, linewidth=0.8)
-        bad = ~(y <= tolerance)
-        if bad.any() and not finding.case.outside:
-            axes.plot(x[bad], np.where(np.isfinite(y[bad]), y[bad], tolerance[bad]), "x", color=LIMIT, markersize=8)
-    if sides:
-        least = min(float(np.min(np.abs(curve[:, 0]))) for _, curve in curves)
-        axes.set_xscale("symlog", linthresh=least)
-        marks = 10.0 ** np.arange(0, math.log10(least) + 2.0, -4.0)
-        axes.set_xticks([*-marks, 0.0, *marks[::-1]])
-    else:
-        axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.grid(color=FAINT, alpha=0.3, linewidth=0.6)
-    axes.tick_params(labelsize=7)
-    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.2), frameon=False)
+def _name(finding: Finding) -> str:
+    case = finding.case
+    text = f"{case.name} ({case.towards})" if case.towards else case.name
+    return text if len(text) <= LABEL else f"{text[: LABEL - 4]} ..."

@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Sequence
 
-from hard_cases.case import Finding
+from hard_cases.case import Case, Figure, Finding
 
 HEAD = ("group", "case", "at risk", "towards", "from", "to", "worst", "tolerance", "condition", "figures", "")
 
@@ -64,3 +64,18 @@ def as_csv(findings: Sequence[Finding]) -> str:
             writer.writerow([case.group, case.name, case.quantity, case.towards, *numbers, f.passed, case.outside,
                              f.note])  # fmt: skip
     return text.getvalue()
+
+
+def from_csv(text: str) -> list[Finding]:
+    """Return the findings of a table that `as_csv` wrote, without the seconds."""
+    figures: dict[Case, list[Figure]] = {}
+    cases: dict[tuple[str, str], Case] = {}
+    for row in csv.DictReader(io.StringIO(text)):
+        key = row["group"], row["case"]
+        if key not in cases:
+            cases[key] = Case(*key, row["quantity"], row["towards"], list, outside=row["outside"])
+        value, tolerance, distance, condition = (
+            float(row[name]) for name in ("value", "tolerance", "distance", "condition")
+        )
+        figures.setdefault(cases[key], []).append(Figure(value, tolerance, distance, condition, row["note"]))
+    return [Finding(case, tuple(own), math.nan) for case, own in figures.items()]

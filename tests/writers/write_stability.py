@@ -16,7 +16,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in 
 from hard_cases import picture
 from hard_cases.case import Finding, run
 from hard_cases.suite import CASES
-from hard_cases.table import as_csv, as_markdown, by_group
+from hard_cases.table import as_csv, as_markdown, by_group, from_csv
 
 from ocp import sweep
 
@@ -28,6 +28,13 @@ Written by `python scripts/stability.py`; the domain is in [stability.md](stabil
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 if every case inside the declared domain passes, 1 if not."""
     options = command_line().parse_args(arguments)
+    if options.redraw is not None:
+        try:
+            picture.draw(from_csv(options.redraw.read_text(encoding="utf-8")), options.redraw.with_suffix(".png"))
+        except (OSError, ValueError, KeyError) as error:
+            print(f"stability: {options.redraw}: {error}", file=sys.stderr)
+            return 2
+        return 0
     chosen = [
         number
         for number, case in enumerate(CASES)
@@ -68,6 +75,7 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--group", nargs="+", metavar="NAME", help="only these groups")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
     parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="for MD, CSV and PNG")
+    parser.add_argument("--redraw", type=Path, metavar="CSV", help="draw the picture of a table again, and stop")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
     return parser
 
