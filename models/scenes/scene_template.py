@@ -13,7 +13,7 @@ from models.machines.parameters import Follows, unit_of
 from models.machines.spherical_arm import spherical
 from models.machines.torus_arm import torus
 from models.scenes import catalogue
-from models.scenes.argument_words import argument_words
+from models.scenes.docstring_words import argument_words
 
 # Values of parameters without a default, by unit, of a usual size.
 USUAL = {

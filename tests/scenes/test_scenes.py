@@ -20,7 +20,7 @@ from models.effects import Coulomb, Gravity, LaggedDrive, MotorDrive, Payload, R
 from models.forms import canonical, hamel, lagrange
 from models.scenes import catalogue, task_file
 from models.scenes import scene_template as template
-from models.scenes.argument_words import argument_words
+from models.scenes.docstring_words import argument_words
 from models.scenes.toml_document import SceneError
 from ocp import Fixed, Free, Sequence, point_to_point, radau, solve, uniform, verify
 
