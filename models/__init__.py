@@ -9,7 +9,20 @@ from models.motions.motion import Motion
 from models.motions.path_timing import path_system, path_through, timed
 from models.motions.tool_motion import along_tool_path, through_tool_points
 from models.motions.tool_paths import arc, line, sampled
-from models.rigid_bodies import DhRow, Joint, Kind, Link, dh, from_urdf, robots, serial, tree
+from models.rigid_bodies import (
+    DhRow,
+    Joint,
+    Kind,
+    Link,
+    along_poses,
+    dh,
+    from_urdf,
+    inverse_kinematics,
+    orientation_error,
+    robots,
+    serial,
+    tree,
+)
 from models.scenes.scene import Scene
 from models.torques.code_export import right_hand_side, write_code, write_function
 from models.torques.drive_loads import DriveLoad, Envelope
@@ -20,8 +33,8 @@ from models.torques.torque_table import TorqueTable
 
 __all__ = [
     "DhRow", "DriveLoad", "Envelope", "Estimate", "Joint", "Kind", "Link", "Manipulator", "Motion", "Parameter",
-    "Scene", "TorqueTable", "along_tool_path", "arc", "cylindrical", "dh", "drive_dynamics", "estimate", "from_urdf",
-    "inverse_dynamics", "line", "path_system", "path_through", "recover", "right_hand_side", "robots", "sampled",
-    "serial", "spherical", "split_torques", "through_tool_points", "timed", "torus", "tree", "write_code",
-    "write_function",
+    "Scene", "TorqueTable", "along_poses", "along_tool_path", "arc", "cylindrical", "dh", "drive_dynamics",
+    "estimate", "from_urdf", "inverse_dynamics", "inverse_kinematics", "line", "orientation_error", "path_system",
+    "path_through", "recover", "right_hand_side", "robots", "sampled", "serial", "spherical", "split_torques",
+    "through_tool_points", "timed", "torus", "tree", "write_code", "write_function",
 ]  # fmt: skip

@@ -142,6 +142,9 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX, symbol: ca.SX) -> di
         "power": Quantity(ca.dot(motor_tau, motor_v), "W"),
         "energy": Quantity(kinetic + mechanics.potential + terms.spring + terms.energy, "J"),
     }
+    if machine.tool_axes is not None:
+        axes = tuple(f"tool_axis_{j + 1}{i + 1}" for i in range(3) for j in range(3))
+        results["tool_axes"] = Quantity(ca.vec(ca.densify(machine.tool_axes)), "1", axes)
     for i, drive in enumerate(machine.drives):
         results[drive.name] = Quantity(drive.sign * mechanics.tau[i], forces[i])
     if terms.transmission is not None:

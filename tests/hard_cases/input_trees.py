@@ -8,6 +8,7 @@ import models
 from hard_cases import input_examples as example
 from hard_cases.input_call import AT_LEAST_ZERO, LIST, NOTHING, OPTIONAL, POSITIVE, REAL, TRUTH, Argument, Call
 from models import DhRow, Joint, Kind, Link
+from models.forms import canonical
 
 A = Argument
 THREE = frozenset({"falling"})
@@ -29,7 +30,39 @@ def trees() -> tuple[Call, ...]:
         "name": A("arm", frozenset({"text", "no_text"})),
     }
     two = np.array([1.0, 2.0, 3.0])
+    arm = models.robots.arm_3r()
+    system = canonical(arm)
+    poses = (
+        Call(
+            "models.inverse_kinematics",
+            models.inverse_kinematics,
+            {
+                "machine": A(arm),
+                "position": A((0.5, 0.1, 0.6), THREE),
+                "rotation": A(None, THREE | OPTIONAL),
+                "near": A((0.1, 0.2, 0.3), THREE | OPTIONAL),
+                "starts": A(4),
+                "seed": A(0, frozenset({"zero"})),
+            },
+        ),
+        Call(
+            "models.along_poses",
+            models.along_poses,
+            {
+                "machine": A(arm),
+                "positions": A([[0.5, 0.1, 0.6], [0.5, 0.12, 0.6]]),
+                "rotations": A(None, OPTIONAL, ("rotation",)),
+                "near": A(None, THREE | OPTIONAL),
+            },
+        ),
+        Call(
+            "models.orientation_error",
+            models.orientation_error,
+            {"system": A(system), "rotation": A((0.1, 0.2, 0.3), THREE)},
+        ),
+    )
     return (
+        *poses,
         Call(
             "models.Link",
             Link,
