@@ -10,6 +10,7 @@ import casadi as ca
 from models.machines.frames import Frame
 from models.machines.inverse_kinematics import Inverse
 from models.machines.recursion import Recursion
+from models.machines.shapes import Shape
 from ocp import checks
 
 Ends = tuple[float, ...]  # one for each joint, infinite where nothing is known
@@ -73,6 +74,7 @@ class Manipulator:
     limits: Mapping[str, tuple[Ends, Ends]] = field(default_factory=dict)  # of a data sheet or a robot file: "q", ...
     damping: tuple[float, ...] = ()  # viscous friction that the file states [N m s/rad or N s/m]
     friction: tuple[float, ...] = ()  # dry friction that it states [N m or N]
+    shapes: tuple[Shape, ...] = ()  # capsules for collisions
     notes: tuple[str, ...] = ()  # sentences about how the machine was read
 
     def __repr__(self) -> str:

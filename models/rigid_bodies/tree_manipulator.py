@@ -10,6 +10,7 @@ import casadi as ca
 from models.machines.frames import coordinate, ldl, udu
 from models.machines.manipulator import Body, Coordinate, Drive, Ends, Manipulator
 from models.machines.manipulator import symbols as symbols_of
+from models.machines.shapes import Shape
 from models.rigid_bodies.assembly import Assembly
 from models.rigid_bodies.joint import Joint, Kind
 from models.rigid_bodies.placements import Placements
@@ -62,6 +63,7 @@ def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Man
         limits=_limits(joints),
         damping=tuple(joint.damping for joint in joints),
         friction=tuple(joint.friction for joint in joints),
+        shapes=_shapes(assembly, posed),
         notes=(*notes, *assembly.notes),
     )
 
@@ -103,6 +105,21 @@ def _body(recursion: TreeRecursion, posed: Placements, i: int, joint: Joint) -> 
     about = matrix_of(own.tensor) - own.mass * (ca.dot(shifted, shifted) * ca.SX.eye(3) - shifted @ shifted.T)
     position = column(origin) + turn @ (to_user @ centre)
     return Body(joint.name, own.mass, position, turn, ca.sparsify(to_user @ about @ to_user.T))
+
+
+def _shapes(assembly: Assembly, posed: Placements) -> tuple[Shape, ...]:
+    """Return the capsules of all links in the base."""
+    result = []
+    for i, (joint, capsules) in enumerate(zip(assembly.joints, assembly.shapes, strict=True)):
+        rotation, origin = posed.pose(1 + i)
+        for capsule in capsules:
+            start, end = (
+                ca.densify(column(origin) + matrix_of(rotation) @ ca.DM([float(x) for x in point]))
+                for point in (capsule.start, capsule.end)
+            )
+            length = math.dist([float(x) for x in capsule.start], [float(x) for x in capsule.end])
+            result.append(Shape(joint.name, start, end, float(capsule.radius), length))
+    return tuple(result)
 
 
 def _skeleton(assembly: Assembly, posed: Placements, tool: Sequence[ca.SX | float]) -> ca.SX:
