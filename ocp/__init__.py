@@ -8,7 +8,7 @@ from ocp.accuracy.verification import verify
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
 from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
-from ocp.problem.constraints import Constraint, along, end, periodic, start
+from ocp.problem.constraints import Constraint, along, end, integral, periodic, start
 from ocp.problem.dynamic_extension import extend, time_derivative
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
@@ -22,7 +22,7 @@ from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.storage import load, save
 from ocp.solution.structure import Structure
 from ocp.solving.first_guesses import smooth, straight_line
-from ocp.solving.guess_ladder import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
+from ocp.solving.guess_rungs import CoarseGrid, ParameterPath, Smooth, StraightLine, WiderLimits
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.local_optima import Optimum, multistart
 from ocp.solving.prepared_nlp import Prepared, prepare
@@ -48,8 +48,8 @@ __all__ = [
     "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal",
     "Smooth", "Sobol", "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study",
     "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "along", "end", "estimate",
-    "extend", "given", "inside", "integrators", "legendre", "load", "lobatto", "multistart", "outside", "periodic",
-    "point_to_point", "polish", "prepare", "prepare_structure", "radau", "save", "sensitivity", "simulate",
+    "extend", "given", "inside", "integral", "integrators", "legendre", "load", "lobatto", "multistart", "outside",
+    "periodic", "point_to_point", "polish", "prepare", "prepare_structure", "radau", "save", "sensitivity", "simulate",
     "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "sweep", "time_derivative", "uniform",
     "verify",
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ocp import checks
 
+NUMBERED = re.compile(r"_\d+$")  # end of the name of a component of a vector of symbols
 Side = float | Sequence[float] | np.ndarray | None  # of a limit
 
 
@@ -71,12 +73,12 @@ class Implicit:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """An ordinary differential equation in normal form, x' = rate(x, u, p).
+    """An ordinary differential equation in normal form, x' = rate(x, u, p), or rate(t, x, u, p) with a symbol t.
 
     Args:
         x: (nx,) symbols of the state.
         u: (nu,) symbols of the control.
-        p: (np,) symbols of the parameters, may be empty.
+        p: (np,) symbols of the parameters; left out if there are none.
         rate: (nx,) dx/dt as an expression in x, u, p.
         signals: name -> expression in x, u, p that may be bounded, minimised or plotted.
         nominal: value of every parameter, in the order of p.
@@ -86,7 +88,11 @@ class System:
             system: every Problem has them along the whole motion.
         initial: signal name -> value at t = 0 that `point_to_point` uses, such as 0 for a clock.
         singular: singularities that no motion may touch; `simulate`, `solve` and `verify` check them.
-
+        t: scalar symbol of the time [s], which rate and signals may contain. It becomes the last state, with rate 1 and
+            label "t"; every Problem lets it start at 0 unless it constrains its start, and initial states and guesses
+            may leave it out.
+        integrals: number of the last states that are integrals of expressions in the others, as integral constraints
+            add them; guesses may leave them out.
         implicit: the same rate with unknowns of its own, for shorter derivatives; it is lost by pickling.
 
     Raises:
@@ -96,8 +102,8 @@ class System:
 
     x: ca.SX
     u: ca.SX
-    p: ca.SX
-    rate: ca.SX
+    p: ca.SX = None  # type: ignore[assignment]
+    rate: ca.SX = None  # type: ignore[assignment]
     signals: Mapping[str, ca.SX] = field(default_factory=dict)
     nominal: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
@@ -106,8 +112,19 @@ class System:
     initial: Mapping[str, float] = field(default_factory=dict)
     singular: tuple[Singularity, ...] = ()
     implicit: Implicit | None = None
+    t: ca.SX | None = None
+    integrals: int = 0
 
     def __post_init__(self) -> None:
+        for name in ("p", "u"):
+            part = getattr(self, name)
+            if (part is None and name == "p") or (isinstance(part, ca.SX | list | tuple) and _empty(part)):
+                object.__setattr__(self, name, ca.SX(0, 1))
+        if self.rate is None:
+            raise TypeError("System: rate is missing, expected dx/dt as an expression in x, u, p")
+        if self.t is not None:
+            self._add_clock(self.t)
+        checks.whole("System: integrals", self.integrals, 0)
         for name in ("x", "u", "p", "rate"):
             part = getattr(self, name)
             checks.expression(f"System: {name}", part, "a CasADi SX column")
@@ -175,7 +192,38 @@ class System:
         data += (dict(self.limits), dict(self.initial))
         if self.singular:
             data += (tuple((place.least, place.words, place.crossed) for place in self.singular),)
+        if self.t is not None or self.integrals:
+            data += (self.clock, self.integrals) if self.singular else ((), self.clock, self.integrals)
         return rebuild, (function, tuple(self.signals), *data)
+
+    def _add_clock(self, t: ca.SX) -> None:
+        """Make the symbol of the time a state, unless it is one already (in a copy of a system)."""
+        checks.expression("System: t", t, "a symbol such as casadi.SX.sym('t')")
+        if t.numel() != 1 or not t.is_symbolic():
+            raise ValueError(f"System: t is {checks.shown(t)}, expected one symbol of the time")
+        for name in ("x", "rate"):
+            checks.expression(f"System: {name}", getattr(self, name), "a CasADi SX column")
+        if self.clock >= 0:
+            if self.clock >= self.rate.numel() or not self.rate[self.clock].is_one():
+                raise ValueError("System: t is one of the states x; expected a symbol of its own")
+            return
+        nx = self.x.numel()
+        checks.mapping("System: signals", self.signals, "a dict by name")
+        checks.mapping("System: labels", self.labels, "a dict by name")
+        labels = (*self.label("x", nx), Label("t", "s"))
+        object.__setattr__(self, "x", ca.vertcat(self.x, t))
+        object.__setattr__(self, "rate", ca.vertcat(self.rate, 1.0))
+        object.__setattr__(self, "implicit", None)  # it has no clock
+        object.__setattr__(self, "signals", {"t": t, **self.signals})
+        object.__setattr__(self, "labels", {"t": (Label("t", "s"),), **self.labels, "x": labels})
+
+    @property
+    def clock(self) -> int:
+        """Index of the time among the states; -1 without a symbol of the time."""
+        if self.t is None:
+            return -1
+        wanted = self.t.element_hash()
+        return next((i for i, symbol in enumerate(ca.vertsplit(self.x)) if symbol.element_hash() == wanted), -1)
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is no CasADi SX."""
@@ -205,6 +253,11 @@ class System:
         checks.whole("size", size, 0, of="components")
         if name in self.labels:
             return self.labels[name]
+        if name in ("x", "u") and size == getattr(self, name).numel():
+            names = [symbol.name() for symbol in ca.vertsplit(getattr(self, name))] if size else []
+            numbered = any(NUMBERED.search(one) for one in names)
+            if len(set(names)) == size and not numbered:
+                return tuple(map(Label, names))
         return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
 
     def values(self, given: Mapping[str, float] | None = None) -> list[float]:
@@ -222,6 +275,10 @@ class System:
         for name, value in results.items():
             results[name] = checks.number(f"parameter {name!r}", value, "a finite number")
         return [results[name] for name in self.nominal]
+
+
+def _empty(part: ca.SX | Sequence[object]) -> bool:
+    return part.numel() == 0 if isinstance(part, ca.SX) else len(part) == 0
 
 
 @functools.lru_cache(maxsize=32)
@@ -254,6 +311,8 @@ def rebuild(
     limits: Mapping[str, tuple[Side, Side]],
     initial: Mapping[str, float],
     singular: tuple[tuple[float, str, bool], ...] = (),
+    clock: int = -1,
+    integrals: int = 0,
 ) -> System:
     """Return the System with the expressions of a function (x, u, p) -> (rate, *signals, *quantities), on new symbols.
 
@@ -266,9 +325,12 @@ def rebuild(
         limits: by signal.
         initial: by signal.
         singular: of each singularity all but its quantity.
+        clock: index of the time among the states, or -1.
+        integrals: number of the last states that are integrals of the others.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *rest = function.call([x, u, p])
     named = dict(zip(names, rest[: len(names)], strict=True))
     places = tuple(Singularity(q, *known) for q, known in zip(rest[len(names) :], singular, strict=True))
-    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, places)
+    t = x[clock] if clock >= 0 else None
+    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, places, t=t, integrals=integrals)

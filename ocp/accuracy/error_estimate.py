@@ -104,7 +104,7 @@ def _of_duration(share: float, solution: Solution, problem: Problem) -> float:
     if not isinstance(problem.horizon, Free):
         return 0.0
     minimise = problem.minimise
-    if minimise.time and minimise.running.is_zero() and minimise.final.is_zero():
+    if minimise.time and all(p.is_zero() for p in (minimise.running, minimise.final, minimise.initial)):
         return share * solution.duration
     return share * solution.duration * solution.scheme.order
 

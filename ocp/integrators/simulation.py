@@ -67,7 +67,7 @@ def simulate(
 
     Args:
         system: x' = f(x, u, p).
-        x0: (nx,) state at t = 0.
+        x0: (nx,) state at t = 0; the time, if it is a state, may be left out.
         control: (nu,) constant, a function t -> (nu,), or a Solution, whose control is used element by element.
         times: (K,) times to report [s], increasing, >= 0; or one duration, reported at 101 points.
         values: of parameters, by name; nominal where silent (those of the Solution if the control is one).
@@ -115,6 +115,8 @@ def simulate(
 def _initial_state(system: System, x0: Sequence[float] | Array) -> Array:
     wanted = f"{system.x.numel()} finite numbers"
     start = checks.numbers("x0", np.ravel(x0).tolist() if isinstance(x0, np.ndarray) else x0, wanted).ravel()
+    if system.t is not None and len(start) == system.x.numel() - 1:
+        start = np.insert(start, system.clock, 0.0)
     if len(start) != system.x.numel():
         raise checks.refused("x0", x0, wanted)
     return start

@@ -9,7 +9,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.constraints import Where, simple
-from ocp.problem.problem import Problem
+from ocp.problem.problem import Fixed, Problem
 
 ITERATIONS = 30  # of Gauss-Newton
 CLOSE = 1e-12  # largest relative residual of a condition that counts as satisfied
@@ -27,7 +27,13 @@ def _ends(problem: Problem, values: tuple[float, ...]) -> tuple[Array, Array, tu
     low, high = problem.limits(Where.ALONG, problem.system.x)
     still = np.clip(np.zeros(len(low)), low, np.maximum(low, high))
     first, start_fixed = _satisfying(problem, Where.START, still, p)
-    last, end_fixed = _satisfying(problem, Where.END, first, p)
+    if problem.system.t is not None:
+        clock, horizon = problem.system.clock, problem.horizon
+        still = first.copy()
+        still[clock] += horizon.duration if isinstance(horizon, Fixed) else horizon.guess
+    else:
+        still = first
+    last, end_fixed = _satisfying(problem, Where.END, still, p)
     return first, last, (start_fixed, end_fixed)
 
 

@@ -19,6 +19,7 @@ class Where(Enum):
     END = "end"
     ALONG = "along"
     PERIODIC = "periodic"  # value at the end minus value at the start
+    INTEGRAL = "integral"  # over the time of the motion; a Problem states it with a further state
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,22 @@ def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:
     """
     checks.numbers("periodic: shift", shift)
     return _constraint(Where.PERIODIC, expression, shift, shift, sides=("shift", "shift"))
+
+
+def integral(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
+    """Constrain the integral of an expression over the time of the motion.
+
+    Args:
+        expression: (m,) a signal of the system, or any expression in x, u, p.
+        lower, upper: (m,) or scalar; None (or infinite) for no limit.
+        name: used in messages.
+
+    Raises:
+        ValueError: sizes disagree, NaN, lower > upper, no limit at all.
+    """
+    if lower is None and upper is None:
+        raise ValueError("integral: lower and upper are None, expected at least one limit")
+    return _constraint(Where.INTEGRAL, expression, lower, upper, name)
 
 
 def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:

@@ -52,6 +52,7 @@ def extend(system: System) -> System:
         limits=system.limits,
         initial=system.initial,
         singular=system.singular,
+        t=system.t,
     )
 
 

@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.problem.constraints import Constraint, Where, along, simple
+from ocp.problem.constraints import Constraint, Where, along, simple, start
+from ocp.problem.integral_constraints import with_integrals
 from ocp.system import Label, System
 
 
@@ -47,21 +48,23 @@ class Free:
 
 @dataclass(frozen=True, eq=False)
 class Bolza:
-    """A cost J = time * T + integral of running dt + final.
+    """A cost J = time * T + integral of running dt + final + initial.
 
     Args:
         time: weight of the duration T [1/s for a cost without unit].
         running: expression in x, u, p; integrated over the motion.
-        final: expression in x, p; taken at the end.
+        final: expression in x, p; its value at the end.
+        initial: expression in x, p; its value at the start.
     """
 
     time: float = 0.0
     running: ca.SX = field(default_factory=lambda: ca.SX(0))
     final: ca.SX = field(default_factory=lambda: ca.SX(0))
+    initial: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     def __post_init__(self) -> None:
         checks.number("Bolza: time weight", self.time, "a finite number")
-        for name in ("running", "final"):
+        for name in ("running", "final", "initial"):
             given = getattr(self, name)
             wanted = "an expression in x, u, p, or a finite number"
             if not isinstance(given, int | float | np.number):
@@ -80,7 +83,8 @@ class Problem:
         system: x' = f(x, u, p).
         horizon: Free or Fixed.
         minimise: the cost.
-        subject_to: made by start, end, along, periodic, inside, outside. The limits of the system itself are added;
+        subject_to: made by start, end, along, periodic, integral, inside, outside. An integral becomes a state of the
+            system of the problem, after the others. The limits of the system itself are added;
             along(..., name=) with the name of such a limit takes its place.
 
     Raises:
@@ -107,20 +111,33 @@ class Problem:
                     f"Problem: subject_to has {checks.shown(constraint)}, expected start(...), end(...) or along(...)"
                 )
             self.system.check_symbols(f"Problem: {constraint.where.value}(...)", constraint.expression)
+        system, constraints = with_integrals(self.system, constraints)
+        object.__setattr__(self, "system", system)
         own = {name: sides for name, sides in self.system.limits.items() if name not in {c.name for c in constraints}}
         constraints += tuple(along(self.system[name], *sides, name=name) for name, sides in own.items())
+        clock = self.system.t
+        if clock is not None and not any(
+            c.where is Where.START and ca.depends_on(c.expression, clock) for c in constraints
+        ):
+            constraints += (start(clock, 0.0),)
         object.__setattr__(self, "subject_to", constraints)
         self.system.check_symbols("Bolza: running", self.minimise.running)
-        self.system.check_symbols("Bolza: final", self.minimise.final)
-        if ca.depends_on(self.minimise.final, self.system.u):
-            raise ValueError("Bolza: final depends on the control, which has no value at one instant; use running")
+        for name in ("final", "initial"):
+            part = getattr(self.minimise, name)
+            self.system.check_symbols(f"Bolza: {name}", part)
+            if ca.depends_on(part, self.system.u):
+                raise ValueError(
+                    f"Bolza: {name} depends on the control, which has no value at one instant; use running"
+                )
 
     def __reduce__(self) -> tuple[object, ...]:
         system, cost = self.system, self.minimise
         expressions = [cost.running, cost.final, *(c.expression for c in self.subject_to)]
-        function = ca.Function("problem", [system.x, system.u, system.p], expressions)
         limits = [(c.where, c.lower, c.upper, c.name) for c in self.subject_to]
-        return rebuild, (system, self.horizon, cost.time, function, limits)
+        starts = not cost.initial.is_zero()
+        expressions += [cost.initial] if starts else []
+        function = ca.Function("problem", [system.x, system.u, system.p], expressions)
+        return rebuild, (system, self.horizon, cost.time, function, limits, *((True,) if starts else ()))
 
     def labels(self, constraint: Constraint) -> tuple[Label, ...]:
         """Return the labels of the components of a constraint: those of the signal that it is, or numbered ones."""
@@ -175,6 +192,7 @@ def same_structure(old: Problem, new: Problem) -> Problem:
         and all(
             a.where is b.where
             and a.expression.shape == b.expression.shape
+            and _same_equations(new, a, b)
             and ca.is_equal(a.expression, b.expression, 10)
             for a, b in zip(old.subject_to, new.subject_to, strict=True)
         )
@@ -186,8 +204,21 @@ def same_structure(old: Problem, new: Problem) -> Problem:
     return new
 
 
+def _same_equations(problem: Problem, one: Constraint, other: Constraint) -> bool:
+    """Return whether the same components of two constraints are equations along the motion, with the same values."""
+    system = problem.system
+    if one.where is not Where.ALONG:
+        return True
+    bounds = {c for _, c in simple(one, ca.vertcat(system.x, system.u, system.p))}
+    pairs = [[(float(a), float(b)) for a, b in zip(part.lower, part.upper, strict=True)] for part in (one, other)]
+    return all(
+        c in bounds or ((a[0] == a[1]) == (b[0] == b[1]) and (a[0] != a[1] or a == b))
+        for c, (a, b) in enumerate(zip(*pairs, strict=True))
+    )
+
+
 def _same_cost(one: Bolza, other: Bolza) -> bool:
-    pairs = ((one.running, other.running), (one.final, other.final))
+    pairs = ((one.running, other.running), (one.final, other.final), (one.initial, other.initial))
     return one is other or (one.time == other.time and all(ca.is_equal(a, b, 10) for a, b in pairs))
 
 
@@ -232,8 +263,9 @@ def rebuild(
     time: float,
     function: ca.Function,
     limits: Sequence[tuple[Where, np.ndarray, np.ndarray, str]],
+    starts: bool = False,
 ) -> Problem:
-    """Return the Problem that a function (x, u, p) -> (running, final, *constraints) stands for.
+    """Return the Problem with the expressions of a function (x, u, p) -> (running, final, *constraints).
 
     Args:
         system: on whose symbols the expressions are rebuilt.
@@ -241,10 +273,12 @@ def rebuild(
         time: weight of the duration.
         function: as made by pickling a Problem.
         limits: where, lower, upper and name of every constraint.
+        starts: whether the last expression is a cost at the start.
     """
     running, final, *expressions = function.call([system.x, system.u, system.p])
+    initial = expressions.pop() if starts else ca.SX(0)
     constraints = [
         Constraint(where, expression, lower, upper, name)
         for expression, (where, lower, upper, name) in zip(expressions, limits, strict=True)
     ]
-    return Problem(system, horizon, Bolza(time, running, final), tuple(constraints))
+    return Problem(system, horizon, Bolza(time, running, final, initial), tuple(constraints))

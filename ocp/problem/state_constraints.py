@@ -56,7 +56,8 @@ def state_limits(problem: Problem) -> tuple[StateLimit, ...]:
     """Return the limits along the motion that are no limits of single controls or parameters.
 
     Args:
-        problem: a Problem; limits that no control reaches within four derivatives are left out.
+        problem: a Problem; limits that no control reaches within four derivatives are left out, and
+            equations, which hold along the whole motion (`path_equalities`).
 
     Source: A. E. Bryson, W. F. Denham, S. E. Dreyfus, Optimal programming problems with inequality constraints I,
         AIAA Journal 1, 1963 (order of a state constraint).
@@ -72,7 +73,7 @@ def state_limits(problem: Problem) -> tuple[StateLimit, ...]:
         labels = problem.labels(constraint)
         for c in range(constraint.expression.numel()):
             lower, upper = float(constraint.lower[c]), float(constraint.upper[c])
-            if c in own or not (np.isfinite(lower) or np.isfinite(upper)):
+            if c in own or lower == upper or not (np.isfinite(lower) or np.isfinite(upper)):
                 continue
             chain = [constraint.expression[c]]
             while not ca.depends_on(chain[-1], system.u) and len(chain) <= HIGHEST:

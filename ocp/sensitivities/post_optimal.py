@@ -255,7 +255,7 @@ def _names(
 
 def _timed(problem: Problem) -> bool:
     cost = problem.minimise
-    return cost.time != 0.0 and cost.running.is_zero() and cost.final.is_zero()
+    return cost.time != 0.0 and cost.running.is_zero() and cost.final.is_zero() and cost.initial.is_zero()
 
 
 def _variation(here: Reconstruction, change: Array, direction: Direction) -> Variation:

@@ -14,6 +14,7 @@ from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, start
 from ocp.problem.problem import Fixed, Free, Problem, parameters
 from ocp.problem.sequence import Sequence
+from ocp.solving.guess_completion import of_main_states
 from ocp.system import slopes
 from ocp.transcription.guess import Guess
 
@@ -26,6 +27,7 @@ ROUGH = 0.2  # share of its largest rate by which a state of a guess may miss th
 ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and relative residual that ends it
 
 
+@of_main_states
 def straight_line(problem: Problem, values: Several[float]) -> Guess:
     """Return the straight line from a state that meets the start conditions to one that meets the end conditions.
 
@@ -46,6 +48,7 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(PLACES)), duration, np.zeros(0))
 
 
+@of_main_states
 def smooth(problem: Problem, values: Several[float]) -> Guess:
     """Return a smooth motion between the ends whose states and controls follow from the system itself.
 
@@ -91,6 +94,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     return Guess(best.share, best.x, np.clip(best.u, low, np.maximum(low, high)), best.duration, best.free)
 
 
+@of_main_states
 def scattered(problem: Problem, values: Several[float], random: np.random.Generator) -> Guess:
     """Return a smooth motion between the ends with random detours, for a search of other local optima.
 
@@ -214,6 +218,8 @@ def _follow(
 ) -> Guess:
     """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
     system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
+    if system.t is not None:
+        x[:, system.clock] = path[0, system.clock] + share * duration
     still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
     held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
     begun, _, _ = function(x.T, *held)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence as Several
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ocp import checks
-from ocp.problem.problem import Problem
+from ocp.problem.problem import Fixed, Problem
 from ocp.problem.sequence import Sequence, phases_of
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.storage import load
+from ocp.solving.guess_completion import completed
 from ocp.transcription.guess import Guess
 
 GuessLike = Guess | Solution | SequenceSolution | str | os.PathLike[str]
@@ -49,7 +51,10 @@ def as_guesses(problem: Problem | Sequence, guess: GuessLike | Several[Any]) -> 
             raise ValueError(f"guess: {error}") from None
         described = "a Guess, a solution, its file, a ladder of rungs or None"
         checks.instance("guess", known, Guess | Solution, described)
-        one = known if isinstance(known, Guess) else from_solution(known)
+        one = completed(phase.system, known if isinstance(known, Guess) else from_solution(known))
+        if one.duration == 0.0:  # of a motion without a way to go, which says nothing about the next one
+            horizon = phase.horizon
+            one = replace(one, duration=horizon.duration if isinstance(horizon, Fixed) else horizon.guess)
         sizes = one.x.shape[1], one.u.shape[1]
         if sizes != (phase.system.x.numel(), phase.system.u.numel()):
             expected = phase.system.x.numel(), phase.system.u.numel()
@@ -65,6 +70,9 @@ def from_solution(solution: Solution) -> Guess:
     share = np.concatenate([[0.0], (ends[:-1, None] + widths[:, None] * inside).ravel(), [1.0]])
     t = share * solution.duration
     free = np.array(list(solution.free.values()))
+    if solution.duration == 0.0:
+        x, u = solution.states[:1, 0], solution.controls[:1, 0]
+        return Guess(np.array([0.0, 1.0]), np.repeat(x, 2, axis=0), np.repeat(u, 2, axis=0), 0.0, free)
     return Guess(share, solution.x(t), solution.u(t), solution.duration, free)
 
 

@@ -66,7 +66,7 @@ def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Gue
     apart = [c for c in problem.subject_to if c.where is Where.PERIODIC]
     if not timed or not all(fixed) or limited or apart or np.any(first != last) or not minimise.running.is_zero():
         return None
-    final = ca.Function("final", [system.x, system.p], [minimise.final])(first, values)
+    final = ca.Function("final", [system.x, system.p], [minimise.final + minimise.initial])(first, values)
     low, high = problem.limits(Where.ALONG, system.u)
     u = np.clip(guess.u[:1], low, high)
     return Guess(np.array([0.0, 1.0]), np.array([first, first]), np.vstack([u, u]), 0.0, np.zeros(0)), float(final)
@@ -99,7 +99,7 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     system, horizon = phase.system, phase.horizon
     longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
     limited = [c for c in phase.subject_to if c.where is Where.ALONG]
-    if not np.isfinite(longest) or not limited:
+    if not limited:
         return
     low, high = phase.limits(Where.START, system.x)
     last_low, last_high = phase.limits(Where.END, system.x)
@@ -115,7 +115,12 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     for i, c in np.argwhere(equal.all(axis=0)).tolist():
         label = labels[i]
         for way, fastest in ((last_low[i] - high[i], upper[c]), (low[i] - last_high[i], -lower[c])):
-            if np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
+            if np.isfinite(way) and fastest == 0.0 and way > 0.0:
+                yield (
+                    f"{label.name} has {way:.4g} {label.unit} to go and its rate is limited to 0; raise that limit, or "
+                    "let the goal be where the start is"
+                )
+            elif np.isfinite(way) and 0.0 < fastest < np.inf and way > fastest * longest * (1.0 + 1e-9):
                 yield (
                     f"{label.name} has {way:.4g} {label.unit} to go, which takes at least {way / fastest:.4g} s at "
                     f"its limit of {fastest:.4g} {label.unit}/s, and the duration is at most {longest:.4g} s; "

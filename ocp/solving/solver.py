@@ -12,7 +12,7 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
-from ocp.solving.guess_ladder import Smooth, StraightLine
+from ocp.solving.guess_rungs import Smooth, StraightLine
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prechecks import warnings_before
 from ocp.solving.prepared_nlp import prepare

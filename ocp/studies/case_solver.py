@@ -15,7 +15,8 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode
-from ocp.solving.guess_ladder import DEFAULT, Smooth, StraightLine
+from ocp.solving.guess_ladder import DEFAULT
+from ocp.solving.guess_rungs import Smooth, StraightLine
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.studies.designs import Case

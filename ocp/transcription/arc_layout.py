@@ -18,17 +18,19 @@ class Condition:
         scale: (m,) what the rows of the NLP are divided by.
         elements: (e,) indices of the elements.
         tau: points on each of these elements, in [0, 1].
+        weights: of the points in a weighted sum that is the only row; empty for a row at every point.
     """
 
     expression: ca.SX
     scale: Array
     elements: Array
     tau: tuple[float, ...]
+    weights: tuple[float, ...] = ()
 
     @property
     def rows(self) -> int:
         """Number of rows of the NLP."""
-        return int(self.expression.numel() * len(self.elements) * len(self.tau))
+        return int(self.expression.numel() * len(self.elements) * (1 if self.weights else len(self.tau)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,11 @@ import numpy as np
 from ocp.checks import Array
 from ocp.numerics.compilation import Compile
 from ocp.problem.constraints import Where, simple
+from ocp.problem.equations_along import path_equalities
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.derivatives import Local, assemble
+from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
 from ocp.transcription.layout import Layout, lay_out
@@ -62,7 +64,8 @@ def transcribe(
         np.array([scaling.of_constraint(i, c) for i, c, _ in ends_parts]),
     ]
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
-    for condition in arc_layout.conditions:
+    conditions = arc_layout.conditions + equality_conditions(problem, scheme, n, scaling)
+    for condition in conditions:
         local = _chosen(problem, scheme, layout, symbols, condition, arc_layout.arc)
         blocks.append((local, [ca.repmat(p, 1, local.copies)]))
         sizes.append(np.ones(local.rows))
@@ -77,15 +80,15 @@ def transcribe(
     expressions, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
-    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in arc_layout.conditions)])
+    counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in conditions)])
     chosen = tuple(
-        first + np.arange(c.rows).reshape(len(c.elements), len(c.tau), -1)
-        for first, c in zip(counts[1:], arc_layout.conditions, strict=False)
+        first + np.arange(c.rows).reshape(len(c.elements), 1 if c.weights else len(c.tau), -1)
+        for first, c in zip(counts[1:], conditions, strict=False)
     )
     return Nlp(
         problem, scheme, grid, scaling, layout, free, expressions, derivatives,
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
-        chosen, counts[-1] + np.arange(int(arc_layout.total)), compilation,
+        chosen[: len(arc_layout.conditions)], counts[-1] + np.arange(int(arc_layout.total)), compilation,
         np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
 
@@ -167,12 +170,14 @@ def _ends(
     """Return the function of both ends of the motion: conditions there, the final cost and the price of time."""
     system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
     conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
-    there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final])
+    there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final, minimise.initial])
     first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
-    (before, _), (after, final) = (there(*symbols.physical(*ca.vertsplit(w, [0, nx, nx + nu]))) for w in (first, last))
+    (before, _, initial), (after, final, _) = (
+        there(*symbols.physical(*ca.vertsplit(w, [0, nx, nx + nu]))) for w in (first, last)
+    )
     values = {Where.START: before, Where.END: after, Where.PERIODIC: after - before}
     rows = [values[where][k] for k, (_, _, where) in enumerate(parts)]
-    cost = final + (0.0 if layout.horizon.size else minimise.time * symbols.duration)
+    cost = final + initial + (0.0 if layout.horizon.size else minimise.time * symbols.duration)
 
     at = [layout.state[0, 0], layout.control[0].ravel(), layout.state[-1, -1], layout.control[-1].ravel()]
     # The first element may be the last one as well.
@@ -197,13 +202,14 @@ def _chosen(
     x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
     values = ca.densify(inside(*symbols.physical(x, u))) / condition.scale
     count, shared = values.numel(), symbols.shared.numel()
-    terms = []
+    points, terms = 1 if condition.weights else len(condition.tau), []
     for j, t in enumerate(condition.tau):
-        outer = np.zeros((count * len(condition.tau) + 1, count))
-        outer[j * count : (j + 1) * count] = np.eye(count)
+        outer = np.zeros((count * points + 1, count))
+        row, weight = (0, condition.weights[j]) if condition.weights else (j, 1.0)
+        outer[row * count : (row + 1) * count] = weight * np.eye(count)
         node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
         terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
-    linear = np.zeros((count * len(condition.tau) + 1, m * nx + c * nu + shared))
+    linear = np.zeros((count * points + 1, m * nx + c * nu + shared))
     return Local(
         values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _places(layout, condition.elements, arc)
     )
@@ -277,13 +283,14 @@ def free_parameters(problem: Problem) -> Array:
 def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
     """Return the components of constraints that need rows: those that are not bounds of single unknowns."""
     system = problem.system
+    equalities = {(one.constraint, one.component) for one in path_equalities(problem)}
     path: list[tuple[int, int]] = []
     ends: list[tuple[int, int, Where]] = []
     for i, constraint in enumerate(problem.subject_to):
         bounds = ca.vertcat(system.x, system.u, system.p) if constraint.where is Where.ALONG else system.x
         done = set() if constraint.where is Where.PERIODIC else {c for _, c in simple(constraint, bounds)}
         for c in range(constraint.expression.numel()):
-            if c in done:
+            if c in done or (i, c) in equalities:
                 continue
             if constraint.where is not Where.ALONG:
                 ends.append((i, c, constraint.where))

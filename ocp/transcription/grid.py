@@ -9,6 +9,8 @@ import numpy as np
 
 from ocp import checks
 
+ROUNDING = 1e-12  # distance from 0 and 1 within which an end of a grid counts as there
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -30,6 +32,10 @@ class Grid:
         ends = given.copy()
         if ends.ndim != 1 or len(ends) < 2:
             raise ValueError(f"Grid: got shape {ends.shape}, expected at least the two numbers 0 and 1")
+        # Sums of widths miss 0 and 1 by rounding.
+        for end, exact in ((0, 0.0), (-1, 1.0)):
+            if abs(ends[end] - exact) <= ROUNDING:
+                ends[end] = exact
         if not (np.all(np.isfinite(ends)) and ends[0] == 0.0 and ends[-1] == 1.0):
             raise ValueError(f"Grid: runs from {ends[0]} to {ends[-1]}, expected 0 to 1 exactly")
         if not np.all(np.diff(ends) > 0.0):

@@ -46,7 +46,7 @@ class Nlp:
     @property
     def rows(self) -> int:
         """Number of rows of g."""
-        return sum(rows.size for rows in (self.defects, *self.path, self.ends, *self.conditions, self.total))
+        return len(self.row_scales)
 
 
 def bounds(nlp: Nlp) -> tuple[Array, Array, Array, Array]:

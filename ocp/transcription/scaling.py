@@ -157,12 +157,13 @@ def _cost_scale(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, A
     minimise = problem.minimise
     timed = abs(minimise.time) * guess.duration
 
-    if minimise.running.is_zero() and minimise.final.is_zero():
+    if all(part.is_zero() for part in (minimise.running, minimise.final, minimise.initial)):
         return timed
 
     def of(motion: Guess) -> float:
-        results = [_largest(part, problem, motion, p)[0] for part in (minimise.running, minimise.final)]
-        return float(guess.duration * results[0] + results[1])
+        parts = minimise.running, minimise.final, minimise.initial
+        results = [0.0 if part.is_zero() else _largest(part, problem, motion, p)[0] for part in parts]
+        return float(guess.duration * results[0] + results[1] + results[2])
 
     x, u = np.vstack([guess.x[0] + corner[0], guess.x[-1] - corner[0]]), np.vstack([corner[1], -corner[1]])
     wide = Guess(np.array([0.0, 1.0]), x, u, guess.duration, guess.free)

@@ -39,7 +39,7 @@ from ocp import (
     verify,
 )
 from ocp.checks import Array
-from ocp.solving.guess_ladder import Smooth, StraightLine
+from ocp.solving.guess_rungs import Smooth, StraightLine
 from ocp.transcription.schemes.scheme import Scheme
 
 TASKS, REPORTED = 300, 50
