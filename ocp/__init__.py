@@ -10,6 +10,7 @@ from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.constraints import Constraint, along, end, integral, periodic, start
 from ocp.problem.dynamic_extension import extend, time_derivative
+from ocp.problem.kinks import absolute, positive_part
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.problem.rest_to_rest import point_to_point
@@ -42,14 +43,14 @@ from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 __all__ = [
-    "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
-    "Fixed", "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed",
-    "Multipliers", "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product",
-    "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal",
-    "Smooth", "Sobol", "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study",
-    "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "along", "end", "estimate",
-    "extend", "given", "inside", "integral", "integrators", "legendre", "load", "lobatto", "multistart", "outside",
-    "periodic", "point_to_point", "polish", "prepare", "prepare_structure", "radau", "save", "sensitivity", "simulate",
-    "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "sweep", "time_derivative", "uniform",
-    "verify",
+    "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors", "Fixed",
+    "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed", "Multipliers",
+    "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product", "Random", "Report",
+    "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal", "Smooth", "Sobol",
+    "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study", "StudyTable", "System",
+    "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end", "estimate", "extend",
+    "given", "inside", "integral", "integrators", "legendre", "load", "lobatto", "multistart", "outside", "periodic",
+    "point_to_point", "polish", "positive_part", "prepare", "prepare_structure", "radau", "save", "sensitivity",
+    "simulate", "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "sweep", "time_derivative",
+    "uniform", "verify",
 ]  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 
 from ocp.numerics.arrays import largest_of_unit
 from ocp.problem.constraints import Where
+from ocp.problem.kinks import kinks
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.solution.integration_drift import collapsed, drift
 from ocp.solution.solution import Solution, Status
@@ -40,9 +41,23 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
     problems = [solution.problem for solution in solutions if solution.problem is not None]
     for problem, numbers in zip(problems, values, strict=True):
         sentences += warnings_before(problem, [numbers])
+    for problem in problems:
+        sentences += _kinked(problem)
     if solutions[0].rung == "given guess":
         sentences.append("without a guess, the default ladder makes its own")
     return sentences + _remedies(status, problems, bool(results))
+
+
+def _kinked(problem: Problem) -> list[str]:
+    """Return a sentence about functions without a derivative somewhere; Newton's method stops at such places."""
+    found = kinks(problem)
+    if not found:
+        return []
+    named = ", ".join(f"{name} ({function})" for name, function in found[:NAMED])
+    return [
+        f"{named} has no derivative everywhere, where the solver may stop; state |e| and max(e, 0) by "
+        "ocp.absolute and ocp.positive_part, which are exact, and other jumps by a smooth function"
+    ]
 
 
 def remarks(solutions: list[Solution]) -> list[str]:
