@@ -10,7 +10,7 @@ from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.constraints import Constraint, along, end, integral, periodic, start
 from ocp.problem.dynamic_extension import extend, time_derivative
-from ocp.problem.kinks import absolute, positive_part
+from ocp.problem.nonsmooth import absolute, positive_part
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.problem.rest_to_rest import point_to_point

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -88,11 +87,9 @@ class System:
             system: every Problem has them along the whole motion.
         initial: signal name -> value at t = 0 that `point_to_point` uses, such as 0 for a clock.
         singular: singularities that no motion may touch; `simulate`, `solve` and `verify` check them.
-        t: scalar symbol of the time [s], which rate and signals may contain. It becomes the last state, with rate 1 and
-            label "t"; every Problem lets it start at 0 unless it constrains its start, and initial states and guesses
-            may leave it out.
-        integrals: number of the last states that are integrals of expressions in the others, as integral constraints
-            add them; guesses may leave them out.
+        t: scalar symbol of the time [s] in rate and signals. It becomes the last state, with rate 1 and label "t"; in a
+            Problem it starts at 0 unless its start is constrained; initial states and guesses may leave it out.
+        integrals: number of the last states that are integrals of the others, see `integral`.
         implicit: the same rate with unknowns of its own, for shorter derivatives; it is lost by pickling.
 
     Raises:
@@ -117,8 +114,7 @@ class System:
 
     def __post_init__(self) -> None:
         for name in ("p", "u"):
-            part = getattr(self, name)
-            if (part is None and name == "p") or (isinstance(part, ca.SX | list | tuple) and _empty(part)):
+            if _empty(getattr(self, name)) or (self.p is None and name == "p"):
                 object.__setattr__(self, name, ca.SX(0, 1))
         if self.rate is None:
             raise TypeError("System: rate is missing, expected dx/dt as an expression in x, u, p")
@@ -207,10 +203,9 @@ class System:
             if self.clock >= self.rate.numel() or not self.rate[self.clock].is_one():
                 raise ValueError("System: t is one of the states x; expected a symbol of its own")
             return
-        nx = self.x.numel()
-        checks.mapping("System: signals", self.signals, "a dict by name")
-        checks.mapping("System: labels", self.labels, "a dict by name")
-        labels = (*self.label("x", nx), Label("t", "s"))
+        for name in ("signals", "labels"):
+            checks.mapping(f"System: {name}", getattr(self, name), "a dict by name")
+        labels = (*self.label("x", self.x.numel()), Label("t", "s"))
         object.__setattr__(self, "x", ca.vertcat(self.x, t))
         object.__setattr__(self, "rate", ca.vertcat(self.rate, 1.0))
         object.__setattr__(self, "implicit", None)  # it has no clock
@@ -222,8 +217,8 @@ class System:
         """Index of the time among the states; -1 without a symbol of the time."""
         if self.t is None:
             return -1
-        wanted = self.t.element_hash()
-        return next((i for i, symbol in enumerate(ca.vertsplit(self.x)) if symbol.element_hash() == wanted), -1)
+        hashes = [symbol.element_hash() for symbol in ca.vertsplit(self.x)]
+        return hashes.index(self.t.element_hash()) if self.t.element_hash() in hashes else -1
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is no CasADi SX."""
@@ -255,8 +250,7 @@ class System:
             return self.labels[name]
         if name in ("x", "u") and size == getattr(self, name).numel():
             names = [symbol.name() for symbol in ca.vertsplit(getattr(self, name))] if size else []
-            numbered = any(NUMBERED.search(one) for one in names)
-            if len(set(names)) == size and not numbered:
+            if len(set(names)) == size and not any(map(NUMBERED.search, names)):
                 return tuple(map(Label, names))
         return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
 
@@ -277,29 +271,8 @@ class System:
         return [results[name] for name in self.nominal]
 
 
-def _empty(part: ca.SX | Sequence[object]) -> bool:
-    return part.numel() == 0 if isinstance(part, ca.SX) else len(part) == 0
-
-
-@functools.lru_cache(maxsize=32)
-def rates(system: System) -> ca.Function:
-    """Return the function (x, u, p) -> rate, dense.
-
-    Args:
-        system: x' = f(x, u, p).
-    """
-    return ca.Function("rates", [system.x, system.u, system.p], [ca.densify(system.rate)])
-
-
-@functools.lru_cache(maxsize=32)
-def slopes(system: System) -> ca.Function:
-    """Return the function (x, u, p) -> (rate, d rate/dx, d rate/du), all dense; cached.
-
-    Args:
-        system: x' = f(x, u, p).
-    """
-    by = [ca.densify(ca.jacobian(system.rate, symbols)) for symbols in (system.x, system.u)]
-    return ca.Function("slopes", [system.x, system.u, system.p], [ca.densify(system.rate), *by])
+def _empty(part: object) -> bool:
+    return part.numel() == 0 if isinstance(part, ca.SX) else isinstance(part, list | tuple) and not part
 
 
 def rebuild(
@@ -316,17 +289,8 @@ def rebuild(
 ) -> System:
     """Return the System with the expressions of a function (x, u, p) -> (rate, *signals, *quantities), on new symbols.
 
-    Args:
-        function: as made by pickling a System.
-        names: of the signals.
-        nominal: parameter values.
-        labels: of the signals.
-        notes: sentences.
-        limits: by signal.
-        initial: by signal.
-        singular: of each singularity all but its quantity.
-        clock: index of the time among the states, or -1.
-        integrals: number of the last states that are integrals of the others.
+    The other arguments are those of a System, and of each singularity all but its quantity; `clock` is the index of the
+    time among the states, or -1.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *rest = function.call([x, u, p])

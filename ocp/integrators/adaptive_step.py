@@ -15,7 +15,8 @@ from ocp.integrators.control_segments import Polynomial, Segment
 from ocp.integrators.stiffness import Linearisation, describe
 from ocp.numerics.evaluation import Evaluation
 from ocp.numerics.newton import ACCEPTED
-from ocp.system import System, rates
+from ocp.numerics.rate_functions import rates
+from ocp.system import System
 
 SAFETY = 0.9
 SHRINK, GROW = 0.2, 8.0  # smallest and largest factor of one change of the step

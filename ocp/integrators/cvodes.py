@@ -14,7 +14,8 @@ from ocp.checks import Array
 from ocp.integrators.contracts import Passage, check_components, check_tolerances, stopped
 from ocp.integrators.control_segments import ControlOf, Polynomial, Segment
 from ocp.integrators.stiffness import Linearisation, describe
-from ocp.system import System, rates
+from ocp.numerics.rate_functions import rates
+from ocp.system import System
 
 MOST_STEPS = 100_000  # between two stops
 

@@ -15,7 +15,8 @@ from ocp.integrators.control_segments import Polynomial, Sampled, Segment
 from ocp.integrators.runge_kutta import RadauWithEstimate
 from ocp.integrators.stiffness import Linearisation, decays, describe
 from ocp.numerics.evaluation import Evaluation
-from ocp.system import System, rates
+from ocp.numerics.rate_functions import rates
+from ocp.system import System
 
 LOOK = 100  # steps after which the eigenvalues are checked for stiffness
 STIFF = 300.0  # time to the next stop over the decay time, from which on an implicit method is cheaper

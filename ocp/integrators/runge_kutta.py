@@ -11,7 +11,8 @@ from ocp.checks import Array
 from ocp.integrators.contracts import symbols
 from ocp.integrators.tableaux import Tableau, radau_iia
 from ocp.numerics.newton import root
-from ocp.system import System, rates
+from ocp.numerics.rate_functions import rates
+from ocp.system import System
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from ocp.checks import Array
 from ocp.integrators.contracts import Method, Passage, check_components, check_tolerances, stopped
 from ocp.integrators.control_segments import Controls, Segment, at_start, segments
 from ocp.integrators.gragg_bulirsch_stoer import Extrapolation
+from ocp.numerics.rate_functions import rates
 from ocp.problem.singularities import between, meeting
 from ocp.solution.solution import OUTSIDE, Solution
-from ocp.system import System, rates
+from ocp.system import System
 
 WATCHED = 100  # least number of intervals that are checked for a singularity that a step may cross
 

@@ -10,7 +10,8 @@ import numpy as np
 from ocp import checks
 from ocp.checks import Array
 from ocp.integrators.contracts import symbols
-from ocp.system import System, rates
+from ocp.numerics.rate_functions import rates
+from ocp.system import System
 
 
 @dataclass(frozen=True)

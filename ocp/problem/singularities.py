@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.rate_functions import rates
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Problem
-from ocp.system import Singularity, System, rates
+from ocp.system import Singularity, System
 
 BETWEEN = 8  # interpolated states between two states of a motion
 

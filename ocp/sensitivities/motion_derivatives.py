@@ -10,9 +10,9 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.polynomials import slope_matrix
+from ocp.numerics.rate_functions import slopes
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
-from ocp.system import slopes
 
 
 class Held(Enum):

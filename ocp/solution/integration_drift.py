@@ -7,9 +7,9 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.checks import Array
 from ocp.numerics.polynomials import integration_matrix
+from ocp.numerics.rate_functions import slopes
 from ocp.problem.problem import Free, Problem
 from ocp.solution.solution import Solution
-from ocp.system import slopes
 
 MORE = 3  # the re-integration uses this many Gauss points more than the degree of the scheme
 

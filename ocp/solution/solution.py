@@ -13,10 +13,10 @@ from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit
 from ocp.numerics.evaluation import mapped
+from ocp.numerics.rate_functions import rates
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy
 from ocp.solution.structure import Structure
-from ocp.system import rates
 from ocp.transcription.grid import Grid
 from ocp.transcription.packing import Multipliers
 from ocp.transcription.schemes.scheme import Scheme

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.rate_functions import rates
 from ocp.problem.constraints import Where
-from ocp.problem.kinks import kinks
+from ocp.problem.nonsmooth import kinks
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.solution.integration_drift import collapsed, drift
 from ocp.solution.solution import Solution, Status
 from ocp.solution.violations import between_points, excess, touched
 from ocp.solving.prechecks import _labels, warnings_before
-from ocp.system import rates
 
 NOTICEABLE = 1e-6  # violation, relative to the range, from which on a constraint is reported
 SHRUNK = 1e-9  # a duration within this share of the guessed one from its lower bound counts as at the bound

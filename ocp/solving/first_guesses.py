@@ -10,12 +10,12 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, start
 from ocp.problem.problem import Fixed, Free, Problem, parameters
 from ocp.problem.sequence import Sequence
 from ocp.solving.guess_completion import of_main_states
-from ocp.system import slopes
 from ocp.transcription.guess import Guess
 
 PLACES = 11  # points of a straight line

@@ -9,11 +9,12 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, phases_of
-from ocp.system import Label, slopes
+from ocp.system import Label
 from ocp.transcription.guess import Guess
 
 ROUNDING = 1e-9  # error of a value relative to the sum of its absolute terms

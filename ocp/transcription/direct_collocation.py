@@ -19,6 +19,7 @@ from ocp.problem.equations_along import path_equalities
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.derivatives import Local, assemble
+from ocp.transcription.element_points import block_diagonal, path_points
 from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
@@ -49,7 +50,7 @@ def transcribe(
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else arc_layout.arcs, len(free))
     path_parts, ends_parts = _parts(problem, scheme)
-    tau = tuple(_path_points(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
+    tau = tuple(path_points(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
     element = _element(problem, scheme, layout, symbols, path_parts, tau, arc_layout.arc)
@@ -147,7 +148,7 @@ def _element(
             if t in held:
                 outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
         node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
-        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
     linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
     linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
     return Local(
@@ -184,7 +185,7 @@ def _ends(
     places = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
     number = np.searchsorted(places, np.concatenate([*at, layout.horizon[:1], layout.free]))
     shared = symbols.shared.numel()
-    inner = _diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
+    inner = block_diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
     linear = np.zeros((len(rows) + 1, len(places)))
     linear[-1, np.isin(places, layout.horizon)] = minimise.time * symbols.scaling.horizon
     return Local(
@@ -208,7 +209,7 @@ def _chosen(
         row, weight = (0, condition.weights[j]) if condition.weights else (j, 1.0)
         outer[row * count : (row + 1) * count] = weight * np.eye(count)
         node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
-        terms.append((outer, _diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
     linear = np.zeros((count * points + 1, m * nx + c * nu + shared))
     return Local(
         values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _places(layout, condition.elements, arc)
@@ -247,28 +248,6 @@ def _control(scheme: Scheme, tau: float, nu: int) -> Array:
     return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
 
 
-def _diagonal(*blocks: Array) -> Array:
-    """Return the matrix with the given blocks on its diagonal."""
-    rows, columns = (np.cumsum([0, *(block.shape[i] for block in blocks)]) for i in (0, 1))
-    whole = np.zeros((rows[-1], columns[-1]))
-    for block, row, column in zip(blocks, rows, columns, strict=False):
-        whole[row : row + block.shape[0], column : column + block.shape[1]] = block
-    return whole
-
-
-def _path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
-    """Return the points of an element at which a path constraint is a row: the collocation points and the ends.
-
-    A constraint on the state alone has the same value on both sides of an end, so the left end is left out; a constant
-    control jumps there, so both ends count; a collocated one is not extrapolated to an end that is no point.
-    """
-    points = scheme.points.tolist()
-    jumps = ca.depends_on(expression, u) and scheme.control is not Control.LINEAR
-    if jumps:
-        return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
-    return sorted({*points, 1.0} - {0.0})
-
-
 def free_parameters(problem: Problem) -> Array:
     """Return the numbers of the parameters that an along(...) makes unknowns."""
     result = {
@@ -297,7 +276,7 @@ def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...
                 continue
             path.append((i, c))
             free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
-            if not free and 0.0 not in _path_points(scheme, constraint.expression[c], system.u):
+            if not free and 0.0 not in path_points(scheme, constraint.expression[c], system.u):
                 # The left ends of elements are left out, and with them the start of the motion.
                 ends.append((i, c, Where.START))
     return tuple(path), tuple(ends)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.rate_functions import rates
 from ocp.problem.problem import Fixed
-from ocp.system import rates
 from ocp.transcription.guess import Guess
 from ocp.transcription.nlp import Nlp
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.rate_functions import slopes as slopes_of
 from ocp.problem.constraints import Constraint, Where, simple
 from ocp.problem.problem import Problem
-from ocp.system import slopes as slopes_of
 from ocp.transcription.guess import Guess
 
 NEGLIGIBLE = 1e-14  # a scale below this share of the largest one is rounding error

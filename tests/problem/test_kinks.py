@@ -28,7 +28,7 @@ from ocp import (
     uniform,
     verify,
 )
-from ocp.problem.kinks import kinks
+from ocp.problem.nonsmooth import kinks
 
 x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
 MASS = System(x, u, None, ca.vertcat(x[1], u), {"tau": u, "power": u * x[1]})

@@ -82,6 +82,7 @@ def _with_slack(system: System, s: ca.SX, name: str, above_zero: dict[str, ca.SX
         signals={**system.signals, name: s, **above_zero},
         labels={**system.labels, "u": (*own, *slack)},
         limits={**system.limits, **dict.fromkeys(above_zero, (0.0, None))},
+        implicit=None,
     )
 
 
