@@ -32,9 +32,8 @@ class Mechanics:
         """(n, n) metric g(q) in coordinates, that of the effects included."""
         recursion = self.machine.recursion
         own = self.machine.metric
-        if recursion is not None and (self.terms.loads or self.terms.spins):
-            n = self.machine.q.numel()
-            own = recursion.loaded(self.terms.loads).with_rotors(ca.SX(n, n), self.terms.spins).metric
+        if recursion is not None and self.terms.loads:
+            own = recursion.loaded(self.terms.loads).metric
         return own if self.terms.metric is None else own + self.terms.metric
 
     @cached_property
@@ -48,7 +47,7 @@ class Mechanics:
             return None
         n = self.machine.q.numel()
         rotors = ca.SX(n, n) if terms.metric is None else ca.sparsify(terms.metric)
-        return own.loaded(terms.loads).with_rotors(rotors, terms.spins)
+        return own.loaded(terms.loads).with_rotors(rotors)
 
     @cached_property
     def potential_gradient(self) -> ca.SX:
@@ -210,7 +209,7 @@ class Mechanics:
 
     def _added(self) -> ca.SX:
         n = self.machine.q.numel()
-        if self.terms.loads or self.terms.spins:
+        if self.terms.loads:
             return self.metric - self.machine.metric
         return ca.SX(n, n) if self.terms.metric is None else self.terms.metric
 

@@ -21,6 +21,7 @@ TINY = 1e-24
 # A det F below this multiple of its largest sampled value loses more than six of sixteen digits.
 NEAR = 1e-6
 LOST = 1e-8  # relative error of det g in a frame that is refused: half the digits
+MOST = 1024  # poses of all combinations, sampled beyond
 POSES = 128  # sampled for machines of links
 LINKS = 1e-13  # a pivot below this multiple of its largest sampled value is a rounding error of the recursion
 TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)  # poses at which machines are singular, if they are [rad]
@@ -157,6 +158,8 @@ def _special(machine: Manipulator, expression: ca.SX) -> Array:
     for coordinate, symbol in zip(machine.coordinates, ca.vertsplit(machine.q), strict=True):
         values = TURNS if coordinate.unit == "rad" else LENGTHS
         rows.append(values if ca.depends_on(expression, symbol) else (0.6,))
+    if np.prod([len(values) for values in rows]) > MOST:  # a bounded number of poses, whatever the number of joints
+        return np.column_stack([np.random.default_rng(20260101).choice(values, MOST) for values in rows])
     return np.array(list(product(*rows)))
 
 

@@ -90,7 +90,6 @@ class Terms:
     acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
     bodies: tuple[Body, ...] = ()  # attached by the effect; their inertia is part of `metric`
     loads: tuple[Load, ...] = ()  # rigid bodies fixed to a machine of links (`machine.recursion`), not in `metric`
-    spins: tuple[ca.SX | float, ...] = ()  # (n,) gear J of rotors parallel to the joints that turn with the link before
     force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
     states: Mapping[str, State] = field(default_factory=dict)
     signals: Mapping[str, Quantity] = field(default_factory=dict)
@@ -117,7 +116,6 @@ class Terms:
             acceleration=_sum(self.acceleration, other.acceleration),
             bodies=self.bodies + other.bodies,
             loads=self.loads + other.loads,
-            spins=self.spins or other.spins,
             force=_sum(self.force, other.force),
             states=_union("state", self.states, other.states),
             signals=_union("signal", self.signals, other.signals),

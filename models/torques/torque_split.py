@@ -65,9 +65,8 @@ def _share(mechanics: Mechanics, part: Part, a: ca.SX) -> ca.SX | None:
             potential += body.mass * ca.dot(-field, body.centre)
     share = ca.gradient(potential, q) if ca.depends_on(potential, q) else ca.SX(*q.shape)
     recursion = mechanics.machine.recursion
-    if recursion is not None and (terms.loads or terms.spins):
-        still = ca.SX(q.numel(), q.numel())
-        more = recursion.loaded(terms.loads).with_rotors(still, terms.spins)
+    if recursion is not None and terms.loads:
+        more = recursion.loaded(terms.loads)
         weight = ca.SX(3, 1) if field is None else field
         share = share + more.inverse_dynamics(v, a, weight) - recursion.inverse_dynamics(v, a, weight)
     if terms.metric is not None:
