@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
-from models.machines.inverse_kinematics import Configurations, Inverse, continuous, wrapped
+from models.machines.inverse_kinematics import Configurations, Inverse, wrapped
 from models.machines.manipulator import Manipulator
 from models.motions.coordinate_labels import labels_of
 from models.motions.motion import Motion
+from models.motions.piecewise import Piecewise
 from models.motions.recording import check_rows
 from models.motions.splines import at_rest, interpolate
 from models.motions.timing_laws import Composed, check_law
+from models.motions.tool_branches import COARSE, follow
 from models.motions.tool_paths import Polynomial, ToolPath
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 
-FINE = 2001  # places at which the solution is chosen, at least
-LEAP = 0.5  # largest step between two of them [rad or m]
+NO_KNOTS = np.empty(0)
 # A Jacobian whose smallest singular value is below this share of the largest is inverted in its range only.
 RANK = 1e-9
-OFF = 1e-6  # share by which the velocity of the tool may be missed there
+OFF = 1e-6  # share of the velocity of the tool that may be missed in a singular position
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,22 +38,32 @@ class ToolCurve:
     active: tuple[int, ...]  # the three coordinates that place the tool
     grid: Array  # (G,) [s]
     chosen: Array  # (G, n)
-    terms: ca.Function  # (q, v, a) -> J (3, 3), J' v, what J jerk leaves of x'''
+    terms: ca.Function  # (q, v, a) -> J (3, 3), J' v, x''' - J jerk
+    last: dict[str, Array] = field(default_factory=dict)  # times and derivatives of the last call
 
     def __call__(self, t: Array, order: int) -> Array:
         """Return the derivative of the given order (K, n) at times (K,)."""
+        if len(self.last) > order + 1 and np.array_equal(self.last["t"], t):
+            return self.last[str(order)]
+        results = self._derivatives(t, max(order, 2))
+        self.last.clear()
+        self.last.update({"t": t.copy(), **{str(k): part for k, part in enumerate(results)}})
+        return results[order]
+
+    def _derivatives(self, t: Array, highest: int) -> list[Array]:
+        """Return q, v, a, ... up to the highest order, (K, n) each."""
         near = np.stack([np.interp(t, self.grid, column) for column in self.chosen.T], axis=1)
-        all_of_them = self.inverse(self.tool(t, 0)).q
-        step = all_of_them - near[:, None]
+        every = self.inverse(self.tool(t, 0)).q
+        step = every - near[:, None]
         step = np.nan_to_num(np.where(self.angular, wrapped(step), step), nan=0.0)
         best = np.argmin(np.linalg.norm(step, axis=2), axis=1)
         q = near + step[np.arange(len(t)), best]
         v, a, jerk = np.zeros_like(q), np.zeros_like(q), np.zeros_like(q)
-        for k, part in enumerate((v, a, jerk)[:order], 1):
+        for k, part in enumerate((v, a, jerk)[:highest], 1):
             jacobian, second, third = evaluate(self.terms, q, v, a)
             left = self.tool(t, k) - (0.0 if k == 1 else second if k == 2 else third)
             part[:, self.active] = _solve(jacobian.reshape(-1, 3, 3).swapaxes(1, 2), left)
-        return np.asarray((q, v, a, jerk)[order])
+        return [q, v, a, jerk][: highest + 1]
 
 
 def along_tool_path(
@@ -63,10 +74,12 @@ def along_tool_path(
     near: Sequence[float] | Array | None = None,
     hold: Mapping[str, float] | None = None,
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
+    branch: str | None = None,
 ) -> Motion:
     """Return the motion whose tool runs along a path in space.
 
-    Of all solutions of the inverse kinematics the sequence is chosen that turns the least and never jumps.
+    Of all solutions of the inverse kinematics the sequence is chosen that turns the least and never jumps. They are
+    followed at as many times as they need, however short a fast part of a long motion is.
 
     Args:
         machine: with inverse kinematics.
@@ -74,56 +87,21 @@ def along_tool_path(
         law: s(t), the length run through [m], a motion of one coordinate such as
             Motion.trapezoidal(0, path.length, 0.5, 2.0).
         near: (n,) position near which the motion should begin.
-        hold: values of coordinates that do not move the tool, by name; 0 where silent.
+        hold: values of coordinates that do not move the tool, by name; 0 for those not given.
         limits: lower and upper (n,) of the coordinates.
+        branch: name of the only branch of solutions to be used; None: all. A wrong name lists the right ones, and the
+            notes of the motion tell the branch that was used.
 
     Raises:
-        ValueError: a point that cannot be reached, no continuous solution within the limits, or a singularity that
-            the tool does not pass in a direction the machine can follow; the message says where and which.
+        ValueError: a point that cannot be reached, no continuous solution within the limits, or a singularity
+            through which the machine cannot follow the path; the message says where and which.
     """
-    checks.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
+    check_machine(machine)
     checks.instance("law", law, Motion, "a motion s(t) of one coordinate")
     if isinstance(path, type) or not callable(path) or not hasattr(path, "length"):
         raise TypeError(f"path: got {checks.shown(path)}, expected a path such as line(start, end)")
-    if machine.inverse is None:
-        raise ValueError(f"{machine.name} has no inverse kinematics; give its motion in coordinates")
-    if machine.symbols:
-        names = ", ".join(machine.symbols)
-        raise ValueError(f"the parameters {names} stay symbols; a motion of the tool needs a machine of numbers")
     check_law(law, 0.0, path.length)
-    n = len(machine.coordinates)
-    angular = np.array([c.unit == "rad" for c in machine.coordinates])
-    tool = Composed(path, law)
-    grid = np.unique(np.concatenate([np.linspace(law.start, law.end, FINE), law.times]))
-    points = tool(grid, 0)
-    configurations = machine.inverse(points)
-    lost = np.flatnonzero(~configurations.reachable)
-    if len(lost):
-        k = int(lost[0])
-        raise ValueError(f"{_where(points[k], grid[k])} cannot be reached: {configurations.why(k)}")
-    redundant = [i for i in range(n) if np.all(np.isnan(configurations.q[:, :, i])) and i not in _moving(machine)]
-    held = _held(machine, redundant, {} if hold is None else hold)
-    low, high = np.full(n, -np.inf), np.full(n, np.inf)
-    if limits is not None:
-        if not isinstance(limits, tuple | list) or len(limits) != 2:
-            raise checks.refused("limits", limits, f"lower and upper ({n},) of the coordinates")
-        low, high = (checks.column("limits", side, n, finite=False) for side in limits)
-    named = f"{n} finite numbers, one for each coordinate of {machine.name}"
-    begin = None if near is None else checks.column("near", near, n, named)
-    chosen = continuous(configurations, angular, begin, (low, high))
-    for i, value in held.items():
-        chosen[:, i] = value
-    if not np.all(np.isfinite(chosen)):
-        raise ValueError("no solution of the inverse kinematics stays within the limits of the coordinates")
-    step = np.max(np.abs(np.diff(chosen, axis=0)), axis=1)
-    if np.max(step) > LEAP:
-        k = int(np.argmax(step))
-        at = configurations.singularities(k) or configurations.singularities(k + 1) or ("no singularity",)
-        raise ValueError(f"{_where(points[k], grid[k])}: every solution jumps there ({', '.join(at)})")
-    active = tuple(i for i in range(n) if i not in held)
-    curve = ToolCurve(tool, machine.inverse, angular, active, grid, chosen, _terms(machine, active))
-    _check_velocities(curve, configurations, points)
-    return Motion(curve, law.start, law.end, labels_of(machine), min(law.smoothness, 3.0), law.breaks, law.times)
+    return _along(machine, path, law, Choice.of(machine, near, limits, branch), hold)
 
 
 def through_tool_points(
@@ -134,6 +112,7 @@ def through_tool_points(
     near: Sequence[float] | Array | None = None,
     hold: Mapping[str, float] | None = None,
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
+    branch: str | None = None,
 ) -> Motion:
     """Return the motion whose tool passes points at given times, along a quintic spline from rest to rest.
 
@@ -141,7 +120,7 @@ def through_tool_points(
         machine: with inverse kinematics.
         times: (K,) increasing [s], counted from the first.
         points: (K, 3) of the tool [m].
-        near, hold, limits: as for `along_tool_path`.
+        near, hold, limits, branch: as for `along_tool_path`.
 
     Raises:
         ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
@@ -153,11 +132,91 @@ def through_tool_points(
     path = Polynomial(interpolate(since, given.q, 5, at_rest(5)), float(since[-1]))
     # The time itself is the parameter of the path.
     law = Motion.of_time(lambda t: t, path.length, smoothness=4)
-    return along_tool_path(machine, path, law, near=near, hold=hold, limits=limits)
+    check_machine(machine)
+    return _along(machine, path, law, Choice.of(machine, near, limits, branch), hold, since)
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Which of the solutions of the inverse kinematics is wanted."""
+
+    begin: Array | None  # (n,) position near which the motion should begin
+    limits: tuple[Array, Array]
+    branch: str | None
+
+    @classmethod
+    def of(cls, machine: Manipulator, near: object, limits: object, branch: str | None) -> Choice:
+        """Check the arguments of `along_tool_path`."""
+        n = len(machine.coordinates)
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        if limits is not None:
+            if not isinstance(limits, tuple | list) or len(limits) != 2:
+                raise checks.refused("limits", limits, f"lower and upper ({n},) of the coordinates")
+            low, high = (checks.column("limits", side, n, finite=False) for side in limits)
+        named = f"{n} finite numbers, one for each coordinate of {machine.name}"
+        begin = None if near is None else checks.column("near", near, n, named)
+        if branch is not None:
+            checks.text("branch", branch, "the name of a branch of solutions")
+        return cls(begin, (low, high), branch)
+
+
+def check_machine(machine: Manipulator) -> None:
+    """Raise unless a machine has inverse kinematics of numbers."""
+    checks.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
+    if machine.inverse is None:
+        raise ValueError(f"{machine.name} has no inverse kinematics; give its motion in coordinates")
+    if machine.symbols:
+        names = ", ".join(machine.symbols)
+        raise ValueError(f"the parameters {names} stay symbols; a motion of the tool needs a machine of numbers")
+
+
+def _along(
+    machine: Manipulator,
+    path: ToolPath,
+    law: Motion,
+    choice: Choice,
+    hold: Mapping[str, float] | None,
+    knots: Array = NO_KNOTS,
+) -> Motion:
+    assert machine.inverse is not None
+    n = len(machine.coordinates)
+    angular = np.array([c.unit == "rad" for c in machine.coordinates])
+    tool = Composed(path, law)
+    first = np.unique(np.concatenate([np.linspace(law.start, law.end, COARSE), law.times, knots]))
+    pieces = path.curve.breaks.size if isinstance(getattr(path, "curve", None), Piecewise) else 1  # type: ignore[attr-defined]
+    found = follow(
+        tool, machine.inverse, angular, first=first, pieces=pieces, begin=choice.begin, limits=choice.limits,
+        branch=choice.branch,
+    )  # fmt: skip
+    points, configurations, chosen = found.points, found.configurations, found.q
+    lost = np.flatnonzero(~configurations.reachable)
+    if len(lost):
+        k = int(lost[0])
+        raise ValueError(f"{_where(points[k], found.t[k])} cannot be reached: {configurations.why(k)}")
+    redundant = [i for i in range(n) if np.all(np.isnan(configurations.q[:, :, i])) and i not in _moving(machine)]
+    held = _held(machine, redundant, {} if hold is None else hold)
+    for i, value in held.items():
+        chosen[:, i] = value
+    if not np.all(np.isfinite(chosen)):
+        raise ValueError("no solution of the inverse kinematics stays within the limits of the coordinates")
+    if found.jump is not None:
+        k = found.jump
+        at = configurations.singularities(k) or configurations.singularities(k + 1) or ("no singularity",)
+        raise ValueError(f"{_where(points[k], found.t[k])}: every solution jumps there ({', '.join(at)})")
+    active = tuple(i for i in range(n) if i not in held)
+    curve = ToolCurve(tool, machine.inverse, angular, active, found.t, chosen, _terms(machine, active))
+    _check_velocities(curve, configurations, points)
+    notes: tuple[str, ...] = ()
+    if len(configurations.branches) > 1:
+        used, every = (", then ".join(found.branches), "; ".join(configurations.branches))
+        notes = (f"inverse kinematics: {used} (of the branches {every})",)
+    times, breaks = np.union1d(law.times, knots), np.union1d(law.breaks, knots[1:-1])
+    smoothness = min(law.smoothness, 3.0)
+    return Motion(curve, law.start, law.end, labels_of(machine), smoothness, breaks, times, notes=notes)
 
 
 def _check_velocities(curve: ToolCurve, configurations: Configurations, points: Array) -> None:
-    """Refuse a path that asks for more than the Jacobian can give."""
+    """Raise ValueError for a path that needs velocities of the tool outside of the range of the Jacobian."""
     t = curve.grid
     q, v = curve(t, 0), curve(t, 1)
     jacobian = evaluate(curve.terms, q, v, np.zeros_like(v))[0].reshape(-1, 3, 3).swapaxes(1, 2)
