@@ -4,6 +4,7 @@ from models.effects.counterbalance import Counterbalance
 from models.effects.drive import ElasticDrive, LaggedDrive
 from models.effects.drive_limits import PowerLimit, TorqueSpeed
 from models.effects.friction import Coulomb, Stribeck, Viscous
+from models.effects.gear_efficiency import GearEfficiency
 from models.effects.gravity import Gravity
 from models.effects.joint_stop import JointStop
 from models.effects.motor import MotorDrive, WindingHeat
@@ -19,6 +20,6 @@ from models.mechanics.terms import State as State
 from models.mechanics.terms import Terms as Terms
 
 __all__ = [
-    "Coulomb", "Counterbalance", "ElasticDrive", "Gravity", "JointStop", "LaggedDrive", "MotorDrive", "Payload",
-    "PowerLimit", "RotorInertia", "Stribeck", "ToolForce", "TorqueSpeed", "Viscous", "WindingHeat",
+    "Coulomb", "Counterbalance", "ElasticDrive", "GearEfficiency", "Gravity", "JointStop", "LaggedDrive", "MotorDrive",
+    "Payload", "PowerLimit", "RotorInertia", "Stribeck", "ToolForce", "TorqueSpeed", "Viscous", "WindingHeat",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The equations of motion along a given path: which timing laws s(t) the drives allow."""
+"""Equations of motion along a given path, for the timing law s(t) that the drives allow."""
 
 from __future__ import annotations
 
@@ -9,48 +9,17 @@ import casadi as ca
 import numpy as np
 
 from models.machines.manipulator import Manipulator
+from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
 from models.motions.coordinate_labels import labels_of
 from models.motions.function_curves import ExpressionCurve
 from models.motions.motion import Motion
 from models.motions.piecewise import Piecewise
-from models.motions.profiles import points
 from models.motions.solution_curve import Recorded
-from models.motions.splines import Ends, interpolate, natural
 from models.motions.timing_laws import on_path
 from models.torques.torque_functions import inverse_dynamics
 from ocp import checks
 from ocp.system import Label, System
-
-
-def path_through(waypoints: object, *, degree: int | None = None, ends: Ends | None = None) -> Motion:
-    """Return the path q(s), 0 <= s <= 1, through waypoints without times, s the share of the length of their chords.
-
-    Args:
-        waypoints: (K, n) [rad or m], K >= 2.
-        degree: odd; None: 5, and 3 (a straight line) for two waypoints.
-        ends: None: natural(degree).
-
-    Raises:
-        ValueError: fewer than two waypoints, or two in succession are the same.
-    """
-    wanted = "at least two, with as many coordinates each"
-    if not isinstance(waypoints, list | tuple | np.ndarray) or np.size(np.array(waypoints, dtype=object)) < 2:
-        raise checks.refused("waypoints", waypoints, wanted)
-    rows = [points(f"waypoint {k}", row) for k, row in enumerate(waypoints, 1)]
-    if len({len(row) for row in rows}) != 1:
-        raise checks.refused("waypoints", waypoints, wanted)
-    q = np.stack(rows)
-    chords = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    if np.any(chords == 0.0):
-        k = int(np.argmin(chords))
-        raise ValueError(f"waypoints {k + 1} and {k + 2} are the same")
-    s = np.concatenate([[0.0], np.cumsum(chords)]) / np.sum(chords)
-    s[-1] = 1.0
-    if degree is None:
-        degree = 5 if len(rows) > 2 else 3
-    spline = interpolate(s, q, degree, natural(degree) if ends is None else ends)
-    return Motion.piecewise(spline, (), degree - 1)
 
 
 def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -> System:
@@ -59,7 +28,8 @@ def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -
     x = (s, s'), u = s'',  v = q_s s',  a = q_s s'' + q_ss s'^2,  tau by inverse dynamics
 
     Limits on the signals tau and v, with s from path.start to path.end in minimum time, give the time-optimal motion
-    along the path; `timed` makes a Motion of the solution.
+    along the path; `timed` makes a Motion of the solution. Limits of effects on torques and speeds, such as those of
+    TorqueSpeed, are limits of the system; the notes tell those that the motion alone does not determine.
 
     Args:
         machine, effects: as in `inverse_dynamics`.
@@ -88,13 +58,24 @@ def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -
     tau = torques(q, v, a, p)
     coordinates = machine.coordinates
     tool = ca.substitute(machine.tool, machine.q, q)
+    mechanics = assemble(machine, effects)
+    limited, left = {}, []
+    known = {symbol.element_hash() for symbol in ca.vertsplit(ca.vertcat(machine.q, machine.v, machine.tau))}
+    for name in mechanics.terms.limits:
+        signal = mechanics.resolved(mechanics.terms.signals[name].expression)
+        if all(symbol.element_hash() in known for symbol in ca.symvar(signal)):
+            limited[name] = ca.substitute([signal], [machine.q, machine.v, machine.tau], [q, v, tau])[0]
+        else:
+            left.append(f"the limit on {name} is not imposed: it depends on more than q, v and tau")
     signals = {"s": s, "ds": ds, "dds": dds, "q": q, "v": v, "a": a, "tau": tau, "tool": tool, "power": ca.dot(tau, v)}
     return System(
         x=ca.vertcat(s, ds),
         u=dds,
         p=p,
         rate=ca.vertcat(ds, dds),
-        signals={name: ca.densify(signal) for name, signal in signals.items()},
+        signals={name: ca.densify(signal) for name, signal in {**signals, **limited}.items()},
+        limits={name: mechanics.terms.limits[name] for name in limited},
+        notes=tuple(left),
         labels={
             "x": (Label("s"), Label("ds/dt", "1/s")),
             "u": (Label("d2s/dt2", "1/s^2"),),

@@ -50,7 +50,7 @@ def of_text(text: str, file: str) -> tuple[Scene, Task]:
 
 def of_document(document: Table) -> tuple[Scene, Task]:
     """Return the scene and the task of a document; of a study, for the numbers that stand in the file."""
-    document.only([*KEYS, "limits", "task", "study"])
+    document.only([*KEYS, "limits", "task", "study", "motors"])
     scene = read_scene(document)
     return scene, read_task(document, scene)
 
@@ -66,11 +66,7 @@ def read_task(document: Table, scene: Scene) -> Task:
         SceneError: a wrong name, number or combination; the message names file, line and key.
     """
     system = scene.system
-    limits = document.table("limits")
-    limits, results = machine_limits(limits, scene.machine)
-    named = _signals(limits, system)
-    results = [one for one in results if one.signal not in named]
-    results += [read_interval(limits, name, system, both_sides=True) for name in named]
+    results = read_limits(document, scene)
     document.require("task")
     table = document.table("task")
     table.only(["from", "from_deg", "to", "to_deg", "via", "obstacles", "minimise", "horizon", "elements"])
@@ -104,6 +100,23 @@ def read_task(document: Table, scene: Scene) -> Task:
     except (ValueError, TypeError) as error:
         raise table.error("", str(error)) from None
     return task
+
+
+def read_limits(document: Table, scene: Scene) -> list[Interval]:
+    """Return the limits of the table [limits] of a document, and those of the machine that it does not replace.
+
+    Args:
+        document: made by `read_document`.
+        scene: of the same document.
+
+    Raises:
+        SceneError: a wrong name or number.
+    """
+    system = scene.system
+    limits, results = machine_limits(document.table("limits"), scene.machine)
+    named = _signals(limits, system)
+    results = [one for one in results if one.signal not in named]
+    return results + [read_interval(limits, name, system, both_sides=True) for name in named]
 
 
 def read_interval(table: Table, name: str, system: System, both_sides: bool) -> Interval:

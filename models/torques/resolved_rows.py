@@ -40,7 +40,7 @@ class Rows(Protocol):
 
 
 def resolve_rows(table: Rows) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Return t, q, v, a, tau with further rows, between which torques and speeds are linear to 2e-5 of their peaks.
+    """Return t, q, v, a, tau with further rows, between which torques and speeds are linear to 5e-5 of their peaks.
 
     Quantities of drives with a transmission or a motor model are resolved, too. The second value are notes about
     torques that grow without bound, as at a stop in a singular position.

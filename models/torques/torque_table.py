@@ -32,7 +32,7 @@ class TorqueTable:
     """t, q, v, a, tau of a motion, one row for each time.
 
     Loads, limits and means are those of the motion, not of the rows: between the rows it is evaluated at further
-    times, until torques and speeds are linear between them to 2e-5 of their peaks (see `resolved`).
+    times, until torques and speeds are linear between them to 5e-5 of their peaks (see `resolved`).
     """
 
     t: Array  # (K,) [s]
@@ -57,7 +57,7 @@ class TorqueTable:
 
     @cached_property
     def resolved(self) -> TorqueTable:
-        """The table with further rows, between which torques and speeds are linear to 2e-5 of their peaks."""
+        """The table with further rows, between which torques and speeds are linear to 5e-5 of their peaks."""
         rows, notes = resolve_rows(self)  # type: ignore[arg-type]  # its attributes are read only
         for symbol in ("q", "v", "a", "tau"):
             check_finite(symbol, rows[symbol], rows["t"], self.machine)

@@ -66,7 +66,9 @@ def evaluate(function: ca.Function, *columns: Array, progress: Progress | None =
     mapped: dict[int, ca.Function] = {}
     for start in range(0, count, CHUNK):
         stop = min(start + CHUNK, count)
-        many = mapped.setdefault(stop - start, function.map(stop - start))
+        if stop - start not in mapped:
+            mapped[stop - start] = function.map(stop - start)
+        many = mapped[stop - start]
         # The buffer keeps bare pointers: the arrays must live, and stay where they are, until it has been called.
         buffer, call = many.buffer()
         parts = [
