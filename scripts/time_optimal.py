@@ -18,13 +18,14 @@ from dataclasses import replace
 
 import numpy as np
 from reports import effect_budget as budget
+from reports.controller_files import write_at_rate
 from reports.motion_account import Files, account, describe, named
 from reports.motion_table import at_points, tabulate, write_csv
 from reports.output import add_output, output_folder, working
 from reports.own_models import add_own_models, include_own_models
 from reports.verdict import verdict
 
-from models import Scene, plots
+from models import Motion, Scene, plots
 from models.plots.signals import curve, minimised, phases
 from models.scenes import catalogue
 from models.scenes.scene_template import TASKS, scene_text
@@ -100,14 +101,17 @@ def find_motion(
     try:
         with working("drawing", shown):
             files = write(solution, scene, task, (times, table), result.ok, options)
+        if options.rate is not None:
+            for note in write_rate(solution, scene, task, options, files):
+                show(f"note: {note}")
         if options.report:
             from html_reports.motion_page import write_motion_report
 
             files["report"] = options.output / "time_optimal.html"
             with working("writing the report", shown):
                 write_motion_report(files["report"], solution, scene, task, document, report, result)
-    except (OSError, ImportError) as error:
-        print(f"time_optimal: {error if isinstance(error, ImportError) else f'cannot write: {error}'}", file=sys.stderr)
+    except (OSError, ImportError, ValueError) as error:
+        print(f"time_optimal: {f'cannot write: {error}' if isinstance(error, OSError) else error}", file=sys.stderr)
         return 1
     if options.json:
         print(json.dumps(account(solution, report, difference, result, files), indent=2))
@@ -163,6 +167,18 @@ def write(
             files[kind] = folder / f"time_optimal_structure.{suffix}"
             plots.structure(solution, files[kind])
     return files
+
+
+def write_rate(
+    solution: Solution | SequenceSolution, scene: Scene, task: Task, options: argparse.Namespace, files: Files
+) -> list[str]:
+    """Write all legs of a motion at a fixed rate, as CSV and JointTrajectory; return notes about it."""
+    limits = {interval.signal: (interval.lower, interval.upper) for interval in task.limits}
+    motion = Motion.of(solution, scene.system)  # type: ignore[arg-type]  # a sequence has phases
+    notes = write_at_rate(options.output, "time_optimal", motion, scene, options.rate, ([], limits))
+    for kind, suffix in (("rate", "csv"), ("trajectory", "json")):
+        files[kind] = options.output / f"time_optimal_{options.rate:g}Hz.{suffix}"
+    return notes
 
 
 def chosen(parser: argparse.ArgumentParser, options: argparse.Namespace) -> tuple[Scene, Task, Table]:
@@ -221,6 +237,7 @@ def command_line() -> argparse.ArgumentParser:
     )
     parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
     add_own_models(parser)
+    parser.add_argument("--rate", type=float, metavar="HZ", help="write CSV and JointTrajectory at this rate, too")
     add_output(parser, "CSV, NPZ, pictures and report")
     parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
     parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")

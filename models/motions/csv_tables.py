@@ -13,7 +13,6 @@ from models.motions.coordinate_columns import as_recording, find_columns, is_tim
 from models.motions.recording import Recording
 from models.motions.table_text import layout_of, read_columns
 from ocp import checks
-from ocp.checks import Array
 from ocp.system import Label
 
 
@@ -50,24 +49,24 @@ def read_csv(
 
 def read_waypoints(
     path: str | os.PathLike[str], coordinates: Sequence[Label] = (), joints: Mapping[str, str] | None = None
-) -> Array:
-    """Read waypoints without times (K, n) [rad or m]: a table with the header q...; see `read_csv`.
+) -> Recording:
+    """Read waypoints without times: a table with the header q...; the times are 1 .. K. See `read_csv`.
 
     Raises:
         OSError: no such file.
         ValueError: no table; the sentence names the column or the line that is wrong.
     """
 
-    def read(file: Path, stream: BinaryIO) -> Array:
+    def read(file: Path, stream: BinaryIO) -> Recording:
         layout = layout_of(stream)
-        # A column of numbers 1 .. K takes the place of the times.
+        # A column of the numbers 1 .. K takes the place of the times.
         header = [("t", ""), *renamed(layout.header, joints or {})]
         columns = find_columns(header, coordinates)
         table = read_columns(file, stream, layout, [k - 1 for k in columns.used[1:]])
         count = np.arange(1.0, len(table) + 1.0)
-        return as_recording(header, columns, np.column_stack([count, table]), coordinates, ()).q
+        return as_recording(header, columns, np.column_stack([count, table]), coordinates, layout.notes)
 
-    return np.asarray(_opened(path, read))
+    return _opened(path, read)  # type: ignore[no-any-return]
 
 
 def column_names(path: str | os.PathLike[str]) -> list[str]:

@@ -22,7 +22,7 @@ from models.motions.recording import Recording, check_rows, named
 from models.motions.ros_trajectory import read_trajectory
 from models.motions.sample_fit import Differences, fit
 from models.motions.smoothing import Smoothed
-from models.motions.solution_curve import Recorded, SolutionCurve
+from models.motions.solution_curve import JoinedCurve, Recorded, SolutionCurve
 from models.motions.splines import Ends, at_rest, interpolate
 from models.torques.drive_loads import Envelope
 from models.torques.torque_table import TorqueTable
@@ -115,16 +115,12 @@ class Motion:
             progress: called with the points done and their total number.
 
         Raises:
-            TypeError, ValueError: see `models.motions.motion_torques.torques_of`.
+            TypeError, ValueError: see `torques_of`.
         """
         return torques_of(self, machine, effects, times, values, limits, progress)  # type: ignore[arg-type]
 
     def differenced(self) -> Motion:
-        """Return the motion with derivatives by differences of the samples: noisy, for comparison only.
-
-        Raises:
-            ValueError: the motion does not come from samples.
-        """
+        """Return the motion with derivatives by differences of its samples: noisy, for comparison only."""
         if self.samples is None:
             raise ValueError("the motion does not come from samples, so there is nothing to difference")
         curve = Differences.of(self.times, self.samples)
@@ -228,14 +224,16 @@ class Motion:
         """Return the motion of a Solution: q and v are its signals, a = (dv/dx) dx/dt along its interpolant.
 
         Args:
-            solution: solved or loaded.
+            solution: solved or loaded; of a Sequence all legs, one after the other.
             system: whose states they are; None: that of its problem.
 
         Raises:
             ValueError: no system, or the states are not those of this system.
         """
-        curve = SolutionCurve.of(solution, system)
-        return cls(curve, 0.0, solution.duration, curve.labels, 1, solution.nodes[1:-1], curve.times())
+        phases = getattr(solution, "phases", None)
+        curve = SolutionCurve.of(solution, system) if phases is None else JoinedCurve.of(phases, system)
+        nodes = solution.nodes if isinstance(curve, SolutionCurve) else curve.nodes
+        return cls(curve, 0.0, solution.duration, curve.labels, 1, nodes[1:-1], curve.times())
 
     @classmethod
     def of_time(

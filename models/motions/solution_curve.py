@@ -1,8 +1,8 @@
-"""The motion in a solution of an optimal-control problem, without knowing the solver."""
+"""The motion in a solution of an optimal-control problem, by the attributes of the solution only."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,13 +14,14 @@ from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 from ocp.system import Label, System
 
-# dq/dt of the interpolant may differ from v at collocation points by this share before the states count as foreign.
+# dq/dt of the interpolant may differ from v at collocation points by this share; more means that the states are those
+# of another system.
 FOREIGN = 1e-4
 INSIDE = 1e-9  # share of an element by which its last collocation point is moved inside
 
 
 class Recorded(Protocol):
-    """What a solution must offer."""
+    """A solution, as far as its motion needs it."""
 
     @property
     def duration(self) -> float:
@@ -28,7 +29,7 @@ class Recorded(Protocol):
 
     @property
     def problem(self) -> Any:
-        """What was solved, with its `system`; None if that is not known."""
+        """The problem that was solved, with its `system`; None if it is not known."""
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -107,3 +108,44 @@ class SolutionCurve:
         if order >= len(self.functions):
             raise ValueError("the motion of a solution has no jerk: its accelerations jump with the control")
         return evaluate(self.functions[order], self.solution.x(t), self.solution.rate(t), self.parameters)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedCurve:
+    """The motions of several solutions, one after the other; at a joint the values are those of the later one."""
+
+    curves: tuple[SolutionCurve, ...]
+    starts: Array  # (m + 1,) at which each begins, and the end of the last [s]
+
+    @classmethod
+    def of(cls, phases: Sequence[Recorded], system: System | None) -> JoinedCurve:
+        """Join the phases of a solution; see `SolutionCurve.of`."""
+        curves = tuple(SolutionCurve.of(phase, system) for phase in phases)
+        return cls(curves, np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])]))
+
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """Name and unit of every coordinate."""
+        return self.curves[0].labels
+
+    @property
+    def nodes(self) -> Array:
+        """Ends of all elements [s]."""
+        shifted = [start + curve.solution.nodes for start, curve in zip(self.starts, self.curves, strict=False)]
+        return np.unique(np.concatenate(shifted))
+
+    def times(self) -> Array:
+        """Return the collocation points of all phases, those at the end of an element moved inside."""
+        shifted = [start + curve.times() for start, curve in zip(self.starts, self.curves, strict=False)]
+        return np.unique(np.concatenate(shifted))
+
+    def __call__(self, t: Array, order: int) -> Array:
+        """Return the derivative of the given order (K, n) at times (K,)."""
+        phase = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, len(self.curves) - 1)
+        result = np.empty((len(t), len(self.labels)))
+        for k, curve in enumerate(self.curves):
+            chosen = phase == k
+            if np.any(chosen):
+                since = np.clip(t[chosen] - self.starts[k], 0.0, curve.solution.duration)
+                result[chosen] = curve(since, order)
+        return result

@@ -13,6 +13,7 @@ from models.mechanics.terms import Effect
 from ocp.checks import Array
 
 RPM = 30.0 / np.pi  # revolutions per minute in one rad/s
+MOVING = 1e-3  # share of the largest speed above which a shaft moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,3 +71,33 @@ def shafts(ratio: Array, motor_v: Array, motor_tau: Array) -> Shaft:
 
 def _row(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
+
+
+def moving_share(t: Array, speed: Array) -> Array:
+    """Return the share of the time (n,) in which shafts move: the duty factor of a cycle that is repeated.
+
+    A shaft moves above a thousandth of its largest speed.
+
+    Args:
+        t: (K,) increasing [s].
+        speed: (K, n) [rad/s].
+    """
+    moving = np.abs(speed) > MOVING * np.max(np.abs(speed), axis=0)
+    return np.asarray(np.diff(t) @ (moving[:-1] | moving[1:]) / (t[-1] - t[0]))
+
+
+def cubic_mean(t: Array, torque: Array, speed: Array) -> Array:
+    """Return the mean torque (n,) by which makers of gears rate the life of their bearings, 0 for a gear at rest.
+
+    (integral |n| |T|^3 dt / integral |n| dt)^(1/3)
+
+    Args:
+        t: (K,) increasing [s].
+        torque: (K, n) [N m].
+        speed: (K, n) n [rad/s].
+
+    Source: ISO 281, Rolling bearings, dynamic load ratings and rating life (exponent 3 of ball bearings).
+    """
+    turned = np.trapezoid(np.abs(speed), t, axis=0)
+    weighted = np.trapezoid(np.abs(speed) * np.abs(torque) ** 3, t, axis=0)
+    return np.asarray(np.cbrt(weighted / np.where(turned > 0.0, turned, 1.0)))

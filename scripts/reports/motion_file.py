@@ -88,10 +88,12 @@ def _waypoints(path: Path, names: Sequence[str], scene: Scene, reading: Reading)
             "time"
         )
     if set(TOOL) <= set(names):
-        route = _tool_route(scene, read_waypoints(path, [Label(axis, "m") for axis in TOOL]), reading.branch)
+        waypoints = read_waypoints(path, [Label(axis, "m") for axis in TOOL])
+        route = _tool_route(scene, waypoints.q, reading.branch)
     else:
         waypoints = read_waypoints(path, labels_of(scene.machine), reading.joints)
-        route = path_through(waypoints)
+        route = path_through(waypoints.q)
+    route = replace(route, notes=(*waypoints.notes, *route.notes), labels=labels_of(scene.machine))
     motion, solution, lowered = fastest(scene.machine, scene.effects, route, reading.envelopes, reading.limits)
     if not solution.ok:
         raise ValueError(f"{path}: no timing of the waypoints was found: {solution.message}")

@@ -176,7 +176,7 @@ def test_the_command_writes_what_it_computes(command, tmp_path, capsys):
         np.testing.assert_allclose(again.torques(torus(), [Gravity()]).tau, table.tau, rtol=1e-8, atol=1e-8)
     header = (tmp_path / "r" / "torques.csv").read_text().splitlines()[0].split(",")
     assert header[:2] == ["t [s]", "q1 [rad]"]
-    assert header[-1] == "gravity of tau_q3 [N m]"
+    assert header[-4:] == ["gravity of tau_q3 [N m]", *(f"uncertainty of tau_q{k} [N m]" for k in (1, 2, 3))]
     assert (tmp_path / "r" / "torques.png").read_bytes().startswith(b"\x89PNG")
 
 
