@@ -21,9 +21,10 @@ class GearEfficiency:
     which is tau_motor eta^s for tau_motor >> w > 0 and tau_motor eta^-s for tau_motor << -w: smooth where speed or
     torque change their sign. Torque and speed of the motors are in units of the joints.
 
-    Makes the control the torque of the motors, the signal "motor_tau"; "tau" is the force on the joint, "power" that
-    of the motors, "loss" has (tau_motor - tau) v; no states; the parameters `gear_efficiency.efficiency`, ... if they
-    are Parameters. A lag or an electric motor may stand before it; elastic joints have a transmission of their own.
+    Adds no states, and makes the control the torque of the motors, the signal "motor_tau"; "tau" is the force on the
+    joint, "power" that of the motors, "loss" has (tau_motor - tau) v; the parameters `gear_efficiency.efficiency`, ...
+    if they are Parameters. A lag or an electric motor may stand before it; elastic joints have a transmission of their
+    own.
 
     Args:
         efficiency: eta, 0 < eta <= 1, one for all drives or one for each (None: no loss) [1].
@@ -44,7 +45,8 @@ class GearEfficiency:
     def __post_init__(self) -> None:
         fields = read_fields(self)
         for name, value in fields.nominal.items():
-            _check(name, value)
+            if name.startswith("gear_efficiency.efficiency"):
+                _check(name, value)
         several = self.efficiency if isinstance(self.efficiency, tuple | list) else (self.efficiency,)
         for i, value in enumerate(several):
             if isinstance(value, int | float):

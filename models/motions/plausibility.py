@@ -18,6 +18,7 @@ CLOSER = 0.25
 # The mean velocity between samples may differ from dq/dt by this share before v is taken for wrong.
 MISMATCH = 0.5
 RESOLVED = 0.2  # share by which dq/dt may change from step to step where the mean velocity must agree with it
+FEW = 8  # points below which velocities may be anything but degrees
 STOPS = 50  # points up to which velocities of zero at all of them are stops, not missing values
 # Beyond these a motion is taken for a slip of units: angle [rad], multiple of the size of the machine, speed [rad/s or
 # m/s], acceleration [rad/s^2 or m/s^2], torque as a multiple of weight times size of the machine.
@@ -90,7 +91,10 @@ def _checked_velocities(recording: Recording) -> Recording:
         stops = np.sum((v[1:-1, i] == 0.0) & (slope[1:, i] != 0.0)) > 0.1 * len(v)
         # Between coarse points the mean of the two velocities says little; only a factor is then a slip.
         fine = change <= RESOLVED * size and not stops
-        if (fine and apart > MISMATCH * max(size, own) + 1e-9) or own > 10.0 * size + 1e-6 or ratio < -0.5:
+        several = len(v) >= FEW
+        wrong = (fine and apart > MISMATCH * max(size, own) + 1e-9) or (several and own > 10.0 * size + 1e-6)
+        degrees = abs(ratio - 180.0 / np.pi) < 5.0 and ratio * size > 0.9 * own
+        if wrong or degrees or (several and ratio < -0.5):
             hint = " (deg/s beside rad?)" if abs(ratio - 180.0 / np.pi) < 5.0 else ""
             raise ValueError(
                 f"velocity {i + 1} is not the rate of coordinate {i + 1}, {label.name}: about {ratio:.3g} times{hint}"
