@@ -92,7 +92,7 @@ def _checked_velocities(recording: Recording) -> Recording:
         # Between coarse points the mean of the two velocities says little; only a factor is then a slip.
         fine = change <= RESOLVED * size and not stops
         several = len(v) >= FEW
-        wrong = (fine and apart > MISMATCH * max(size, own) + 1e-9) or (several and own > 10.0 * size + 1e-6)
+        wrong = several and ((fine and apart > MISMATCH * max(size, own) + 1e-9) or own > 10.0 * size + 1e-6)
         degrees = abs(ratio - 180.0 / np.pi) < 5.0 and ratio * size > 0.9 * own
         if wrong or degrees or (several and ratio < -0.5):
             hint = " (deg/s beside rad?)" if abs(ratio - 180.0 / np.pi) < 5.0 else ""
