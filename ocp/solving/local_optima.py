@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import uuid
+from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 
 from ocp import checks
 from ocp.problem.problem import Problem
-from ocp.solution.solution import Solution
+from ocp.solution.solution import Solution, Status
 from ocp.solving.first_guesses import scattered, smooth
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.nlp_solver import NlpSettings
@@ -42,6 +43,18 @@ class Optimum:
     seconds: float
 
 
+class Optima(tuple[Optimum, ...]):
+    """Distinct local optima, best first: a tuple with a message that says how many there are, or why there is none."""
+
+    message: str
+
+    def __new__(cls, optima: tuple[Optimum, ...], message: str) -> Optima:
+        """Return the tuple with its message."""
+        made = super().__new__(cls, optima)
+        made.message = message
+        return made
+
+
 @dataclass(frozen=True, eq=False)
 class _Task:
     """Everything that a worker process needs for one start; prepared once in each process."""
@@ -64,7 +77,7 @@ def multistart(
     grid: Grid | None = None,
     solver: NlpSettings | None = None,
     values: Mapping[str, float] | None = None,
-) -> tuple[Optimum, ...]:
+) -> Optima:
     """Solve from many starts and return the distinct local optima, best first.
 
     Start k depends on (seed, k) alone, so a result does not depend on the executor or the order of the task. Two
@@ -82,7 +95,8 @@ def multistart(
         values: of parameters, by name.
 
     Returns:
-        The optima; empty if no start was solved.
+        The optima, a tuple with `.message`; if no start is solved, nor the default ladder of guesses, it is empty and
+        the message says why.
 
     Raises:
         ValueError: starts is not a whole number >= 1, or a wrong parameter name.
@@ -99,20 +113,37 @@ def multistart(
     task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
-    if executor is None:
-        results = [_solve_start(task, k) for k in range(starts)]
-    else:
-        results = list(executor.map(functools.partial(_solve_start, task), range(starts)))
+    results = [_solve_start(task, 0)]
+    if not _refused(results[0]):
+        rest = range(1, starts)
+        others = map if executor is None else executor.map
+        results += list(others(functools.partial(_solve_start, task), rest))
     solved = [(k, replace(s, problem=problem)) for k, s in enumerate(results) if s.ok]
     optima = _distinct(solved)
+    if not optima and not _refused(results[0]):
+        last = prepare(problem, scheme, grid, task.solver, values=values)(None, values)
+        optima = _distinct([(0, last)]) if last.ok else ()
+        solved, results = [(0, last)] if last.ok else [], [*results, last]
     if not optima:
-        return ()
+        return Optima((), _why_none(results))
     message = (
         f"{optima[0].solution.message}; {len(optima)} local optima from {starts} starts (costs "
         f"{', '.join(f'{o.solution.cost:.6g} x{o.hits}' for o in optima)}), {starts - len(solved)} starts failed"
     )
     best = replace(optima[0], solution=replace(optima[0].solution, message=message))
-    return (best, *optima[1:])
+    return Optima((best, *optima[1:]), message)
+
+
+def _refused(solution: Solution) -> bool:
+    """Return whether a problem contradicts itself, so that no start can be solved."""
+    return solution.status is Status.INFEASIBLE and solution.solver_status == "not started"
+
+
+def _why_none(results: list[Solution]) -> str:
+    """Return how often the starts failed in which way, with the message of the last one."""
+    counts = Counter(solution.status.name.lower() for solution in results)
+    each = ", ".join(f"{count} {name}" for name, count in counts.most_common())
+    return f"none of {len(results)} starts was solved ({each}): {results[-1].message}"
 
 
 def _solve_start(task: _Task, start: int) -> Solution:

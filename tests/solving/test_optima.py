@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,7 @@ from ocp import (
     Bolza,
     CoarseGrid,
     Fixed,
+    Free,
     ParameterPath,
     Problem,
     Smooth,
@@ -134,3 +136,29 @@ def test_bad_input_is_named() -> None:
         multistart("task")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no parameter 'mass'"):
         multistart(reaching_over(), starts=1, values={"mass": 1.0})
+
+
+def carriage() -> System:
+    """Return a mass on a rail."""
+    q, v, force = ca.SX.sym("q"), ca.SX.sym("v"), ca.SX.sym("force")
+    return System(ca.vertcat(q, v), force, rate=ca.vertcat(v, force), signals={"q": q, "v": v, "tau": force})
+
+
+def test_no_optimum_says_why() -> None:
+    """An empty tuple came back after two minutes, without a word."""
+    problem = point_to_point(carriage(), 0.0, 1.0, tau=1.0, v=0.0)
+    nothing = multistart(problem, 50, grid=uniform(10))
+    assert nothing == ()
+    assert nothing.message.startswith("none of 1 starts was solved (1 infeasible)")
+    assert "its rate is limited to 0" in nothing.message
+    short = replace(point_to_point(carriage(), 0.0, 1.0, tau=1.0), horizon=Free(1.0, upper=1.5))
+    nothing = multistart(short, 2, grid=uniform(10))
+    assert len(nothing) == 0
+    assert nothing.message.startswith("none of 3 starts was solved (3 infeasible)")
+    assert "guesses tried" in nothing.message
+
+
+def test_the_optima_say_how_many_they_are() -> None:
+    optima = multistart(point_to_point(carriage(), 0.0, 1.0, tau=1.0), 3, grid=uniform(10))
+    assert "1 local optima from 3 starts" in optima.message
+    assert optima.message == optima[0].solution.message
