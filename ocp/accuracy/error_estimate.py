@@ -77,9 +77,13 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     tau, weights = _panels()
     given, adjoint = minimise(solution, problem, tau), even(solution, problem)
     best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else given
-    gap = (best.value - best.least).reshape(count, -1) * (solution.duration * solution.grid.widths)[:, None] * weights
-    optimality, overshoot = np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
-    optimality += adjoint.slack
+    optimality, overshoot = _gaps(given, solution, weights)
+    if adjoint.moved:
+        # Multipliers move within their elements only, so that every element may have the smaller of both bounds.
+        moved = _gaps(best, solution, weights)
+        better = moved[0] + moved[1] + adjoint.slack < optimality + overshoot
+        optimality = np.where(better, moved[0] + adjoint.slack, optimality)
+        overshoot = np.where(better, moved[1], overshoot)
     violation, left = _violated(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
     turnover = float(solution.duration * (given.scale.reshape(count, -1) @ weights @ solution.grid.widths))
@@ -98,6 +102,14 @@ def _panels() -> tuple[Array, Array]:
     nodes, weights = polynomials.leggauss(PER_PANEL)
     tau = (np.arange(PANELS)[:, None] + (nodes + 1.0) / 2.0) / PANELS
     return tau.ravel(), np.tile(weights / 2.0 / PANELS, PANELS)
+
+
+def _gaps(minimum: Minimum, solution: Solution, weights: Array) -> tuple[Array, Array]:
+    """Return the integrals of H(u) - min H over every element (N,), of its positive and of its negative part."""
+    count = len(solution.grid)
+    gap = (minimum.value - minimum.least).reshape(count, -1) * weights
+    gap = gap * (solution.duration * solution.grid.widths)[:, None]
+    return np.sum(np.maximum(gap, 0.0), axis=1), np.sum(np.maximum(-gap, 0.0), axis=1)
 
 
 def _of_duration(share: float, solution: Solution, problem: Problem) -> float:

@@ -17,6 +17,7 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.transcription.schemes.scheme import Control
 
+DEPENDENT = 1e-8  # relative singular value below which two limits have the same effect on the switching functions
 NEAR = 1e-4  # distance from a limit, relative to its scale, within which it may be active
 
 
@@ -108,7 +109,7 @@ def _least_squares(effect: Array, values: Array, free: Array) -> Array:
     matrix = np.einsum("iua,ij->iuaj", effect, free)
     scale = np.maximum(np.sqrt(np.sum(matrix**2, axis=(0, 1, 3))), 1e-300)  # each limit has a unit of its own
     matrix = (matrix / scale[:, None]).reshape(values.size, -1)
-    result = np.linalg.lstsq(matrix, -values.ravel(), rcond=None)[0]
+    result = np.linalg.lstsq(matrix, -values.ravel(), rcond=DEPENDENT)[0]
     return np.asarray(result.reshape(len(scale), -1) / scale[:, None])
 
 

@@ -49,7 +49,11 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
         done[first:last] = True
         a, b = ends[first], ends[last]
         half = (b - a) * float(np.clip(2.0 * (b - a), 0.02, 0.125))
-        added += [one for share in shares for one in (share - half, share + half) if 0.0 < one < 1.0]
+        around = [one for share in shares for one in (share - half, share + half) if 0.0 < one < 1.0]
+        # The jump may lie elsewhere once the other jumps have moved: no part keeps more than half of the width.
+        parts_of = np.unique([a, *(one for one in around if a < one < b), b])
+        long = np.diff(parts_of) > 0.5 * (b - a)
+        added += [*around, *((parts_of[:-1] + parts_of[1:])[long] / 2.0)]
     for k in np.flatnonzero(marked & ~done).tolist():
         count_k = int(np.clip(np.ceil((parts[k] / allowed) ** (1.0 / 3.0)), 2, MOST_PARTS))
         added += list(np.linspace(ends[k], ends[k + 1], count_k + 1)[1:-1])

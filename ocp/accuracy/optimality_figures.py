@@ -48,7 +48,6 @@ def optimality(solution: Solution, problem: Problem) -> Optimality:
     times, x, _, u = solution.samples(solution.scheme.points)
     adjoint = even(solution, problem)
     given = _values(solution, problem, x, u, solution.costates)
-    moved = _values(solution, problem, x, u, adjoint.costates) if adjoint.moved else given
     weights = (solution.duration * solution.grid.widths[:, None] * solution.scheme.weights).ravel()
     total = max(weights.sum(), 1e-300)
     mean = float(weights @ given.value[0] / total)
@@ -59,7 +58,7 @@ def optimality(solution: Solution, problem: Problem) -> Optimality:
     index = int(np.argmax(far))
     deviation = Figure(far[index] / scale, "share", "the mean of the terms of H", "H", times[index])
     offset = Figure(abs(mean - target) / scale, "share", "the mean of the terms of H", "mean H")
-    return Optimality(deviation, mean, offset, _gain(solution, problem, moved, adjoint, weights))
+    return Optimality(deviation, mean, offset, _gain(solution, problem, given, adjoint, weights))
 
 
 def _values(solution: Solution, problem: Problem, x: Array, u: Array, costates: Array) -> _Values:
@@ -79,11 +78,31 @@ def _free_duration(solution: Solution, problem: Problem) -> bool:
     return above and solution.duration * (1.0 + AT_LIMIT) < horizon.upper
 
 
-def _gain(solution: Solution, problem: Problem, at: _Values, adjoint: Adjoint, weights: Array) -> Figure:
-    """Return the integral of the decrease of H when every control alone moves to its best value within its limits."""
-    times, _, _, u = solution.samples(solution.scheme.points)
+def _gain(solution: Solution, problem: Problem, given: _Values, adjoint: Adjoint, weights: Array) -> Figure:
+    """Return the integral of the decrease of H when every control alone moves to its best value within its limits.
+
+    With redistributed multipliers of state limits in the elements where that gives a smaller bound.
+    """
+    times, x, _, u = solution.samples(solution.scheme.points)
     if _coupled(problem):
         return Figure(np.nan, "share", "the cost", "undefined")
+    gap = _decrease(problem, given, u)
+    if adjoint.moved:
+        count = len(solution.grid)
+        other = _decrease(problem, _values(solution, problem, x, u, adjoint.costates), u)
+        before, after = ((weights * one).reshape(count, -1).sum(axis=1) for one in (gap, other))
+        better = after + adjoint.slack < before
+        gap = np.where(np.repeat(better, len(gap) // count), other, gap)
+        slack = float(adjoint.slack[better].sum())
+    else:
+        slack = 0.0
+    worst = times[int(np.argmax(gap))] if gap.size else np.nan
+    left = float(weights @ gap + slack)
+    return Figure(left / scale_of_cost(solution, problem), "share", "the cost", "controls", worst)
+
+
+def _decrease(problem: Problem, at: _Values, u: Array) -> Array:
+    """Return the decrease of H (K,) at every point, added up over the controls."""
     low, high = problem.limits(Where.ALONG, problem.system.u)
     largest = np.max(np.abs(u), axis=0, initial=0.0)  # a control without limits may move by its largest value
     lower, upper = np.where(np.isfinite(low), low, u - largest), np.where(np.isfinite(high), high, u + largest)
@@ -94,10 +113,7 @@ def _gain(solution: Solution, problem: Problem, at: _Values, adjoint: Adjoint, w
         to_minimum = np.where(curvature > 0.0, slope / curvature, np.inf)
     step = np.minimum(np.abs(u - best), np.abs(to_minimum))
     decrease = np.abs(slope) * step - np.where(curvature > 0.0, curvature, 0.0) * step**2 / 2.0
-    gap = np.sum(np.where(slope * (u - best) > 0.0, decrease, 0.0), axis=1)
-    worst = times[int(np.argmax(gap))] if gap.size else np.nan
-    left = float(weights @ gap + adjoint.slack.sum())
-    return Figure(left / scale_of_cost(solution, problem), "share", "the cost", "controls", worst)
+    return np.asarray(np.sum(np.where(slope * (u - best) > 0.0, decrease, 0.0), axis=1))
 
 
 def _coupled(problem: Problem) -> bool:
