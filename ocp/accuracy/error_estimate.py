@@ -10,8 +10,8 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.accuracy.even_multipliers import even
 from ocp.accuracy.hamiltonian_minimum import Minimum, minimise
+from ocp.accuracy.violation_costs import cost_of_violations
 from ocp.checks import Array
-from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_problem
@@ -84,7 +84,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
         better = moved[0] + moved[1] + adjoint.slack < optimality + overshoot
         optimality = np.where(better, moved[0] + adjoint.slack, optimality)
         overshoot = np.where(better, moved[1], overshoot)
-    violation, left = _violated(solution, problem)
+    violation, left = cost_of_violations(solution, problem)
     parts = SAFETY * (np.abs(dynamics) + optimality + overshoot + violation)
     turnover = float(solution.duration * (given.scale.reshape(count, -1) @ weights @ solution.grid.widths))
     least = scale_of_cost(solution, problem)
@@ -137,31 +137,6 @@ def _reintegrated(solution: Solution, problem: Problem) -> tuple[Array, Array, A
     _, x, _, u = solution.samples(scheme.points)
     discrete = np.array(function.map(len(x))(x.T, u.T, np.tile(p, len(x)))[0]).reshape(count, -1) @ scheme.weights
     return local, transition, solution.duration * solution.grid.widths * (exact - discrete)
-
-
-def _violated(solution: Solution, problem: Problem) -> tuple[Array, float]:
-    """Return the cost of state limits exceeded between the nodes, of every element, and the complementarity error."""
-    held = solution.multipliers
-    count = len(solution.grid)
-    cost = np.zeros(count)
-    low, high = problem.limits(Where.ALONG, problem.system.x)
-    if held is None or not (np.isfinite(low).any() or np.isfinite(high).any()):
-        return cost, 0.0
-    left = 0.0
-    _, x, _, _ = solution.samples(np.linspace(0.0, 1.0, PANELS * PER_PANEL + 1))
-    inside = x.reshape(count, -1, len(low))
-    for excess, sign in ((inside - high, 1.0), (low - inside, -1.0)):
-        most = np.max(np.maximum(np.nan_to_num(excess, neginf=0.0), 0.0), axis=1)
-        # At the ends of the motion these multipliers belong to boundary values as well, which are bounds of the same
-        # unknowns.
-        load = np.maximum(sign * held.x, 0.0)
-        load[0, 0], load[-1, -1] = 0.0, 0.0
-        away = np.abs(solution.states - (high if sign > 0.0 else low))
-        left += float(np.sum((load * np.where(np.isfinite(away), away, 0.0))[:, 1:]))
-        each = load.sum(axis=1)
-        near = np.maximum(each, np.maximum(np.roll(each, 1, axis=0), np.roll(each, -1, axis=0)))
-        cost += np.sum(most * near, axis=1)
-    return cost, left
 
 
 def _variation(result: Minimum, weights: Array, solution: Solution, problem: Problem) -> float:

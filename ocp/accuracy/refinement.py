@@ -20,7 +20,9 @@ from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
+from ocp.solving.between_nodes import exceeded_between_nodes, with_nodes
 from ocp.solving.guess_conversion import GuessLike, as_guesses, is_ladder
+from ocp.solving.guess_ladder import Smooth
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import prepare
 from ocp.solving.solver import solve
@@ -31,6 +33,7 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 STEPS = 30  # at most
 LATER = 1e-3  # share of the last error that the solver may leave in a step
 TIGHTEST = 1e-13  # tolerance of the solver
+COARSE = 100.0  # error over that of the default solve up to which a coarse grid of higher order is refined on
 STALLED = 4  # steps without half the error before
 USABLE = (Status.SOLVED, Status.ACCEPTABLE)  # the error estimate includes what a looser solve leaves
 
@@ -44,6 +47,11 @@ class _Budget:
     @property
     def spent(self) -> float:
         return time.perf_counter() - self.begun
+
+    @property
+    def left(self) -> float:
+        """Seconds until the budget is spent."""
+        return self.seconds - self.spent
 
     def refuses(self, grid: Grid, last: float, now: int) -> str:
         """Return why a further step does not fit; empty if it does."""
@@ -64,6 +72,11 @@ class _Task:
     values: Mapping[str, float] | None
     budget: _Budget
     finish: Callable[[Solution], Solution] | None
+
+    def timed(self, tol: float, share: float = 1.0) -> Ipopt:
+        """Return settings of one solve with a tolerance and a share of the seconds that are left."""
+        seconds = min(self.solver.max_seconds, max(share * self.budget.left, 0.1))
+        return replace(self.solver, tol=tol, max_seconds=seconds)
 
     def rated(self, solution: Solution, errors: Errors) -> Solution:
         """Return a solution with its accuracy."""
@@ -87,12 +100,13 @@ def solve_to_accuracy(
 ) -> Iterator[Solution]:
     """Solve on finer and finer grids until the estimated error is within a tolerance, or a budget is spent.
 
-    Every step is yielded as soon as it is solved, with its error, the seconds since the beginning and, on the last
-    one, the reason in `accuracy`. An element in which a control jumps is replaced by a narrow one around the time of
-    the jump, computed from the mean of the control; other elements with more than their share of the error are split;
-    if the error of a smooth problem is spread over the grid, the degree is raised instead; neighbours that contribute
-    nothing are merged. A step is a warm start from the one before, multipliers included, and a cold start if that
-    fails or leads to a worse optimum.
+    Every step is yielded as soon as it is solved, and the one with the smallest error last, with its error, the seconds
+    since the beginning and, on the last one, the reason in `accuracy`. An element in which a control jumps is replaced
+    by a narrow one around the time of the jump, computed from the mean of the control; other elements with more than
+    their share of the error are split, and those in which an obstacle is passed between the nodes; if the error of a
+    smooth problem is spread over the grid, the degree is raised instead; neighbours that contribute nothing are merged.
+    A step is a warm start from the one before, multipliers included, and a cold start if that fails or leads to a worse
+    optimum.
 
     For the best accuracy within T seconds: tol=1e-15, seconds=T, and the last step.
 
@@ -134,34 +148,53 @@ def solve_to_accuracy(
 
 
 def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None) -> Iterator[Solution]:
+    """Yield the steps; the last one is the one with the smallest error."""
     history: list[float] = []
-    result: Solution = solve(task.problem, scheme, grid, task.solver, guess, task.values)
+    best: Solution | None = None
+    result = _first(task, scheme, grid, guess)
     while True:
         errors = estimate(result)
-        history.append(task.wanted.error(result, errors))
         step = task.rated(result, errors)
-        if _met(step):
-            yield _last(step, "the tolerance is met")
-            return
-        finished = _finished(task, step, errors)
+        history.append(task.wanted.error(result, errors))
+        usable = result.status in USABLE
+        collides = exceeded_between_nodes(result) if usable else {}
+        if usable and not collides and (best is None or _error(step) < _error(best) or _other_optimum(best, step)):
+            best = step
+        met = _met(step) and not collides
+        finished = None if met else _finished(task, step, errors)
         if finished is not None:
             yield step
-            if _met(finished):
-                yield _last(finished, "the tolerance is met")
-                return
-            step = finished
-        usable = result.status in USABLE
-        scheme, grid = refine(result, task.wanted, errors) if usable else (result.scheme, result.grid)
-        reason = _reason_to_stop(task, result, grid, history) if usable else result.status.value
-        yield _last(step, reason) if reason else step
-        if reason:
-            return
-        allowed = max(task.wanted.tol, LATER * history[-1]) * errors.cost / history[-1]
-        result = _next(task, result, errors, scheme, grid, allowed)
+            best = step = finished
+            met = _met(finished)
+        grid, reason = result.grid, "the tolerance is met" if met else "" if usable else result.status.value
+        if not reason:
+            scheme, grid = refine(result, task.wanted, errors)
+            grid = with_nodes(grid, collides)
+            reason = _reason_to_stop(task, result, grid, history)
+        if not reason:
+            yield step
+            allowed = max(task.wanted.tol, LATER * history[-1]) * errors.cost / max(history[-1], 1e-300)
+            result, reason = _next(task, result, errors, scheme, grid, allowed)
+        if not reason:
+            continue
+        ended = step if best is None or met else best
+        yield _last(ended, reason if ended is step else f"{reason}; this is the best of {len(history)} steps")
+        return
+
+
+def _error(step: Solution) -> float:
+    return step.accuracy.error if step.accuracy is not None else np.inf
 
 
 def _met(step: Solution) -> bool:
     return step.accuracy is not None and step.accuracy.met
+
+
+def _other_optimum(best: Solution, step: Solution) -> bool:
+    """Return whether a step costs less than the best one by more than the errors of both."""
+    if best.accuracy is None or step.accuracy is None:
+        return False
+    return step.cost + step.accuracy.errors.cost < best.cost - best.accuracy.errors.cost
 
 
 def _last(step: Solution, reason: str) -> Solution:
@@ -188,8 +221,37 @@ def _reason_to_stop(task: _Task, result: Solution, grid: Grid, history: list[flo
     return reason or (f"{STEPS} steps" if len(history) >= STEPS else "")
 
 
-def _next(task: _Task, last: Solution, errors: Errors, scheme: Scheme, grid: Grid, allowed: float) -> Solution:
-    """Return the next step, warm-started from the last one; cold-started if that fails or is worse.
+def _first(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None) -> Solution:
+    """Return the first step: with the scheme asked for, and no worse than what `solve` returns by default.
+
+    A control that may swing within an element leads to poor local optima and to interpolants that no motion follows
+    (angles that differ by whole turns). Where the control is not constant on each element, the problem is solved by the
+    defaults of `solve` as well; if that costs less or has a smaller error, it is the initial guess.
+    """
+    result: Solution = solve(task.problem, scheme, grid, task.solver, guess, task.values)
+    if scheme.control is Control.CONSTANT or not task.budget.left > 0.0:
+        return result
+    steady: Solution = solve(task.problem, None, None, task.timed(task.solver.tol), guess, task.values)
+    if steady.status not in USABLE:
+        return result
+    allowed = estimate(steady).cost
+
+    def good(candidate: Solution) -> bool:
+        error = estimate(candidate).cost
+        return candidate.status in USABLE and candidate.cost <= steady.cost + allowed and error <= COARSE * allowed
+
+    if good(result):
+        return result
+    again: Solution = solve(task.problem, scheme, grid, task.timed(task.solver.tol), steady, task.values)
+    return again if good(again) else steady
+
+
+def _next(
+    task: _Task, last: Solution, errors: Errors, scheme: Scheme, grid: Grid, allowed: float
+) -> tuple[Solution, str]:
+    """Return the next step, warm-started from the last one; or the last one and the reason why there is none.
+
+    Warm with multipliers, then without, then from scratch, until one is solved and leads to no worse optimum.
 
     Args:
         task: what is refined.
@@ -200,21 +262,23 @@ def _next(task: _Task, last: Solution, errors: Errors, scheme: Scheme, grid: Gri
     """
     limits = 2 * (last.states.size + last.controls.size)
     tol = float(np.clip(allowed / limits, TIGHTEST, task.solver.tol))
-    left = max(task.budget.seconds - task.budget.spent, 0.1)
-    solver = replace(task.solver, tol=tol, max_seconds=min(task.solver.max_seconds, left))
-    prepared = prepare(task.problem, scheme, grid, solver, last, task.values)
-    result: Solution = prepared.proceed(last, task.values)
-    worst = last.cost + errors.cost
-    usable = result.status in USABLE
-    if usable and (result.cost <= worst or result.cost <= worst + estimate(result).cost):
-        return result
-    cold: Solution = prepared(None, task.values)
-    best = min((one for one in (result, cold) if one.status in USABLE), key=lambda one: one.cost, default=cold)
-    why = "leads to a worse optimum" if usable else "fails"
-    return replace(
-        best, iterations=result.iterations + cold.iterations,
-        message=f"{best.message}; the warm start from the step before {why}, solved from scratch",
-    )  # fmt: skip
+    prepared = prepare(task.problem, scheme, grid, task.timed(tol, 1.0 / 3.0), last, task.values)
+    worst, spent, why = last.cost + errors.cost, 0, "fails"
+    attempts: tuple[tuple[str, Callable[[], Any]], ...] = (
+        ("", lambda: prepared.proceed(last, task.values)),
+        ("without multipliers", lambda: prepared(last, task.values)),
+        ("from scratch", lambda: prepared((Smooth(),), task.values)),
+    )
+    for words, attempt in attempts:
+        if words and not task.budget.left > 0.0:
+            return last, f"no time is left within {task.budget.seconds:g} s after a step that {why}"
+        result: Solution = attempt()
+        spent += result.iterations
+        if result.status in USABLE and result.cost <= worst + estimate(result).cost:
+            message = f"{result.message}; solved again {words}, as a warm start {why}" if words else result.message
+            return replace(result, iterations=spent, message=message), ""
+        why = "leads to a worse optimum" if result.status in USABLE else "fails"
+    return last, f"the next step {why}"
 
 
 def _scheme(problem: Problem) -> Scheme:

@@ -95,3 +95,38 @@ def _split(grid: Grid, points: list[tuple[int, float]]) -> Grid:
         halves = (parts[:-1] + parts[1:]) / 2.0
         nodes.append(grid.ends[k] + grid.widths[k] * np.concatenate([inside, halves]))
     return Grid(np.unique(np.round(np.concatenate(nodes), 12)))
+
+
+def with_nodes(grid: Grid, points: Mapping[str, list[tuple[float, float]]]) -> Grid:
+    """Return a grid with additional nodes at and around shares of the horizon at which limits are exceeded.
+
+    Args:
+        grid: of any solution.
+        points: name of the limit -> (share of the horizon, width of the element there).
+    """
+    around = [
+        share + width * part for every in points.values() for share, width in every for part in (-0.25, 0.0, 0.25)
+    ]
+    nodes = np.unique(np.round([*grid.ends, *(one for one in around if 0.0 < one < 1.0)], 12))
+    apart = np.append(True, np.diff(nodes) > 1e-9)
+    apart[-1] = True
+    return Grid(nodes[apart])
+
+
+def exceeded_between_nodes(solution: Solution) -> dict[str, list[tuple[float, float]]]:
+    """Return where nonlinear limits of states are exceeded between the nodes.
+
+    Args:
+        solution: with its problem.
+
+    Returns:
+        name of the limit -> (share of the horizon, width of the element there), as `with_nodes` takes it.
+    """
+    if solution.problem is None or not solution.duration > 0.0:
+        return {}
+    ends, widths = solution.grid.ends, solution.grid.widths
+    passed = passed_between_nodes(solution, solution.problem, ALLOWED)
+    return {
+        name: [(float(ends[k] + tau * widths[k]), float(widths[k])) for k, tau in points]
+        for name, points in passed.items()
+    }
