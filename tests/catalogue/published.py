@@ -15,7 +15,9 @@ BRYSON = "A. E. Bryson, Y. C. Ho, Applied Optimal Control, 1975"
 COPS = "E. D. Dolan, J. J. More, T. S. Munson, Benchmarking Optimization Software with COPS 3.0, 2004"
 KIRK = "D. E. Kirk, Optimal Control Theory, 1970"
 LUUS = "R. Luus, Iterative Dynamic Programming, 2000"
-MAURER = "D. Augustin, H. Maurer, Computational sensitivity analysis for state constrained optimal control problems, 2001"
+MAURER = (
+    "D. Augustin, H. Maurer, Computational sensitivity analysis for state constrained optimal control problems, 2001"
+)
 MINTOC = "S. Sager, mintoc.de, a benchmark library of mixed-integer optimal control problems"
 PSOPT = "V. M. Becerra, PSOPT Optimal Control Solver User Manual"
 
@@ -146,7 +148,9 @@ def discs_cost():
 
     def touching(point, centre, side):  # where a string from a point touches, the disc on the right (1) or left (-1)
         apart = point - centre
-        return centre + radius * turned(apart / np.linalg.norm(apart), -side * np.arccos(radius / np.linalg.norm(apart)))
+        return centre + radius * turned(
+            apart / np.linalg.norm(apart), -side * np.arccos(radius / np.linalg.norm(apart))
+        )
 
     def arc(centre, first, last, side):
         angles = [np.arctan2(*(p - centre)[::-1]) for p in (first, last)]
@@ -183,7 +187,9 @@ def discs_cost():
 
 def curve(running, first, last, horizon=1.0, *constraints):
     x, u = axis(1)
-    return problem(x, u, (u,), Fixed(horizon), Bolza(running=running(x, u)), start(x, first), end(x, last), *constraints)
+    return problem(
+        x, u, (u,), Fixed(horizon), Bolza(running=running(x, u)), start(x, first), end(x, last), *constraints
+    )
 
 
 def great_circle():
@@ -198,9 +204,9 @@ def half_plane():
     return curve(lambda x, u: ca.sqrt(1.0 + u**2) / x, 1.0, 2.0, 1.5)
 
 
-def with_length(running, first, last, length):
+def with_length(running, first, last, length, steepest=INF):
     x, u = axis(2)
-    ends = along(u, -8.0, 8.0), start(x, [first, 0.0]), end(x, [last, length])
+    ends = along(u, -steepest, steepest), start(x, [first, 0.0]), end(x, [last, length])
     return problem(x, u, (u, ca.sqrt(1.0 + u**2)), Fixed(1.0), Bolza(running=running(x[0], u)), *ends)
 
 
@@ -209,7 +215,7 @@ def hanging_chain():
 
 
 def dido():
-    return with_length(lambda x, u: -x, 0.0, 0.0, 1.2)
+    return with_length(lambda x, u: -x, 0.0, 0.0, 1.2, 8.0)
 
 
 def root(function, low, high):
@@ -400,7 +406,12 @@ def maximum_range():
 def flying_robot():
     x, u = axis(6, 4)
     first, second = u[0] - u[1], u[2] - u[3]
-    rate = *ca.vertsplit(x[3:]), (first + second) * ca.cos(x[2]), (first + second) * ca.sin(x[2]), 0.2 * (first - second)
+    rate = (
+        *ca.vertsplit(x[3:]),
+        (first + second) * ca.cos(x[2]),
+        (first + second) * ca.sin(x[2]),
+        0.2 * (first - second),
+    )
     limits = start(x, [-10.0, -10.0, np.pi / 2.0, 0.0, 0.0, 0.0]), end(x, 0.0), along(u, lower=0.0)
     limits += along(u[0] + u[1], upper=1.0), along(u[2] + u[3], upper=1.0)
     return problem(x, u, rate, Fixed(12.0), Bolza(running=ca.sum1(u)), *limits)
@@ -409,7 +420,12 @@ def flying_robot():
 def alp_rider():
     x, u = axis(5, 2)
     a, b, c, d, t = ca.vertsplit(x)
-    rate = -10 * a + u[0] + u[1], -2 * b + u[0] + 2 * u[1], -3 * c + 5 * d + u[0] - u[1], 5 * c - 3 * d + u[0] + 3 * u[1]
+    rate = (
+        -10 * a + u[0] + u[1],
+        -2 * b + u[0] + 2 * u[1],
+        -3 * c + 5 * d + u[0] - u[1],
+        5 * c - 3 * d + u[0] + 3 * u[1],
+    )
     alps = sum(w * ca.exp(-k * (t - at) ** 2) for w, at, k in ((3, 3, 12), (3, 6, 10), (3, 10, 6), (8, 15, 4)))
     limits = start(x, [2.0, 1.0, 2.0, 1.0, 0.0]), end(x[:4], [2.0, 3.0, 1.0, -2.0])
     limits += (along(ca.sumsqr(x[:4]) - alps, lower=0.0),)
@@ -434,7 +450,7 @@ def shuttle():
         lift * force * ca.sin(beta) / (v * ca.cos(gamma)) + v / (r * ca.cos(theta)) * ca.cos(gamma) * ca.sin(psi)
         * ca.sin(theta),
     )  # fmt: skip
-    limits = start(x, [260000.0, 0.0, 0.0, 25600.0, -1.0 / degrees, np.pi / 2.0]),
+    limits = (start(x, [260000.0, 0.0, 0.0, 25600.0, -1.0 / degrees, np.pi / 2.0]),)
     limits += end(ca.vertcat(h, v, gamma), [80000.0, 2500.0, -5.0 / degrees]), along(h, lower=0.0), along(v, lower=1.0)
     limits += along(theta, -1.55, 1.55), along(gamma, -1.55, 1.55)
     limits += (along(u, [-np.pi / 2.0, -89.0 / degrees], [np.pi / 2.0, 1.0 / degrees]),)
@@ -469,10 +485,12 @@ PUBLISHED = {
     "Hager": Published(hager, float(np.exp(2) * np.sinh(2) / (1 + np.exp(2)) ** 2), 0.0, "W. W. Hager, 2000"),
     "linear boundary layers": Published(linear_boundary_layers, boundary_layers_cost(), 0.0, problems.DYMOS),
     "Kirk 5.1-1": Published(kirk_5_1, kirk_5_1_cost(), 0.0, f"{KIRK}; Gramian"),
-    "lift, least effort": Published(known(lambda: problems.lift_cheapest(0.8)), problems.lift_cheapest(0.8).cost, 0.0,
-                                    "elementary"),
-    "lift with a speed limit": Published(known(lambda: problems.lift_fastest(speed=1.2)),
-                                         problems.lift_fastest(speed=1.2).cost, 0.0, "elementary"),
+    "lift, least effort": Published(
+        known(lambda: problems.lift_cheapest(0.8)), problems.lift_cheapest(0.8).cost, 0.0, "elementary"
+    ),
+    "lift with a speed limit": Published(
+        known(lambda: problems.lift_fastest(speed=1.2)), problems.lift_fastest(speed=1.2).cost, 0.0, "elementary"
+    ),
     "Duffing oscillator": Published(duffing, 0.187444856, 5e-10, "R. Van Dooren, J. Vlassenbroeck, 1982"),
     "hypersensitive": Published(hypersensitive, 1.33080690494, 5e-12, f"{PSOPT}; digits by shooting"),
     "van der Pol": Published(van_der_pol, 2.86660, 5e-6, "PROPT manual"),
@@ -485,7 +503,9 @@ PUBLISHED = {
     "Jackson": Published(jackson, -0.191814356325, 5e-13, f"R. Jackson, 1968; {MINTOC}; digits by shooting"),
     "fishing": Published(fishing, 1.344079, 5e-6, f"{MINTOC}, relaxed"),
     "tumour": Published(tumour, 7571.67, 5e-2, f"U. Ledzewicz, H. Schaettler, 2007; {PSOPT}"),
-    "singular regulator": Published(lambda: problems.regulator()[0], problems.regulator()[3], 0.0, "Aly, 1978; elementary"),
+    "singular regulator": Published(
+        lambda: problems.regulator()[0], problems.regulator()[3], 0.0, "Aly, 1978; elementary"
+    ),
     "Bryson-Denham, arc": Published(known(lambda: problems.bryson_denham(0.1)), 4 / 0.9, 0.0, BRYSON),
     "Bryson-Denham, touch": Published(known(lambda: problems.bryson_denham(0.2)), 2 + 6 * 0.04, 0.0, BRYSON),
     "Bryson-Denham, free": Published(known(lambda: problems.bryson_denham(0.3)), 2.0, 0.0, BRYSON),
