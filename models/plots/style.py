@@ -67,6 +67,8 @@ def pretty(label: str) -> str:
     tail, digit = (tail[:-1], tail[-1]) if tail[-1:].isdigit() else (tail, "")
     if not tail and head[-1:].isdigit():
         head, digit = head[:-1], head[-1]
+    if len(head) > 1 and head not in (*GREEK, "tau") and len(tail) > 1 and tail not in GREEK:
+        head, tail, digit = f"{head}_{tail}{digit}", "", ""  # a name of several words, such as shoulder_pan_joint
     # Only whole words are letters: "axis" has no xi, and an underscore in a name of several words is no index.
     head, tail = (rf"\{word}" if word in GREEK or word == "tau" else word for word in (head, tail))
     head, tail = (word.replace("_", r"\_") for word in (head, tail))
