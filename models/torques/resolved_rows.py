@@ -15,6 +15,8 @@ from models.torques.torque_functions import inverse_dynamics, time_column
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 
+SPIKE = 1e-3  # share of the time
+
 
 class Rows(Protocol):
     """A torque table, as far as its resolution needs it; see `TorqueTable`."""
@@ -60,6 +62,10 @@ def resolve_rows(table: Rows) -> tuple[dict[str, Array], tuple[str, ...]]:
 
     with np.errstate(all="ignore"):  # numbers that are not finite are refused by `replaced`
         t, added = table.t, resolution.with_knots(table.t, table.knots, table.smoothness < 2)
+        if not (drives or len(added) or "t" in function.name_in()):
+            still = resolution.straight(t, table.q, table.v, table.a, table.tau, table.derivative)
+            if np.all(still):
+                return {"t": t, "q": table.q, "v": table.v, "a": table.a, "tau": table.tau}, ()
         rows = np.hstack([table.q, table.v, table.a, table.tau, *(table.drives.values() if drives else ())])
         if len(added):
             order = np.argsort(np.concatenate([t, added]), kind="stable")
@@ -74,15 +80,24 @@ def resolve_rows(table: Rows) -> tuple[dict[str, Array], tuple[str, ...]]:
         refined = resolution.refine(t, rows, evaluated, watched, still)
     q, v, a, tau = _parts(refined.values, n)
     notes = []
-    for i in np.flatnonzero(refined.growing[3 * n : 4 * n]):
+    growing = refined.growing[3 * n : 4 * n] | (refined.coarse & _spike(refined.t, tau))
+    for i in np.flatnonzero(growing):
         at = refined.t[int(np.argmax(np.abs(tau[:, i])))]
         notes.append(
             f"tau_{table.machine.coordinates[i].name} grows without bound towards t = {at:.6g} s, as in a singular "
             "position: its peak and its rms are those of the finest step only"
         )
-    if refined.coarse and not np.any(refined.growing):
+    if refined.coarse and not np.any(growing):
         notes.append("the torques jump between some times, to the nearest of which they are resolved")
     return {"t": refined.t, "q": q, "v": v, "a": a, "tau": tau}, tuple(notes)
+
+
+def _spike(t: Array, tau: Array) -> Array:
+    """Return which torques (n,) are above half of their peak for less than a thousandth of the time."""
+    size = np.abs(tau)
+    high = size > 0.5 * np.max(size, axis=0)
+    share = np.diff(t) @ (high[:-1] & high[1:]) / (t[-1] - t[0])
+    return np.asarray((share < SPIKE) & (np.max(size, axis=0) > 1e-6 * np.max(size)))
 
 
 def _drives_matter(table: Rows) -> bool:
