@@ -45,7 +45,7 @@ def written_out(name):
 
 
 def difference(one, other):
-    one, other = np.ravel(one), np.ravel(other)
+    one, other = np.array(one).ravel(), np.array(other).ravel()
     return np.max(np.abs(one - other)) / max(np.max(np.abs(other)), 1e-9)
 
 
