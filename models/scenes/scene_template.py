@@ -153,6 +153,7 @@ def _task(machine: Manipulator, task: Default) -> Iterator[str]:
         '# shape = "ball"',
         "# centre = [0.0, 0.0, 2.0]  # m",
         "# radius = 0.1          # m",
+        '# signal = "tool"       # what keeps out of it',
     )
 
 

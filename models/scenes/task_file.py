@@ -245,7 +245,10 @@ def _elements(table: Table) -> int:
 def _obstacle(table: Table, system: System) -> Obstacle:
     shape = REGIONS[table.text("shape", REGIONS)]
     given = dataclasses.fields(shape)  # type: ignore[arg-type]
-    table.only(["shape", "keep", "point", *(field.name for field in given)])
+    names = [field.name for field in given]
+    # The key "point" names the signal, unless the shape has a point of its own, as a half space has.
+    spelled = "signal" if "signal" in table.entries or "point" in names else "point"
+    table.only(dict.fromkeys(["shape", "keep", "signal", "point", *names]))
     values: dict[str, object] = {}
     for field in given:
         if field.name in table.entries:
@@ -260,7 +263,9 @@ def _obstacle(table: Table, system: System) -> Obstacle:
         elif field.default is dataclasses.MISSING:
             raise table.error("", f"the key {field.name!r} is missing")
     points = [name for name, signal in system.signals.items() if _is_place(system, name, signal)]
-    point = table.text("point", points, "tool")
+    if spelled == "signal" and "point" in table.entries and "point" not in names:
+        raise table.error("point", "stands beside 'signal'; keep one of them")
+    point = table.text(spelled, points, "tool")
     keep = PLACES[table.text("keep", PLACES, "outside")]
     try:
         region = shape(**values)

@@ -310,3 +310,36 @@ def test_words_of_arguments():
         "c": "masses of the load",
     }  # fmt: skip
     assert argument_words(test_words_of_arguments) == {}
+
+
+SHAPES = {
+    "ball": ("centre = [5.0, 0.0, 0.0]\nradius = 0.1", "outside"),
+    "box": ("lower = [-3.0, -3.0, -1.0]\nupper = [3.0, 3.0, 3.0]", "inside"),
+    "cylinder": ("centre = [5.0, 0.0, 0.0]\naxis = [0.0, 0.0, 1.0]\nradius = 0.1", "outside"),
+    "half_space": ("point = [0.0, 0.0, -0.5]\nnormal = [0.0, 0.0, 1.0]", "outside"),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("signal", ["", 'signal = "tool"\n'])
+def test_every_shape_is_read_from_a_file(shape, signal):
+    numbers, keep = SHAPES[shape]
+    text = template.scene_text("cylindrical").partition("# [[task.obstacles]]")[0]
+    text += f'[[task.obstacles]]\nshape = "{shape}"\nkeep = "{keep}"\n{numbers}\n{signal}'
+    scene, task = task_file.of_text(text, "arm.toml")
+    (obstacle,) = task.obstacles
+    assert type(obstacle.region).__name__.lower() == shape.replace("_", "")
+    assert obstacle.keep.__name__ == keep
+    assert obstacle.point == "tool"
+    assert task.problem(scene.system)
+
+
+def test_the_signal_of_an_obstacle_is_named_once():
+    text = template.scene_text("cylindrical").partition("# [[task.obstacles]]")[0] + "[[task.obstacles]]\n"
+    ball = 'shape = "ball"\ncentre = [5.0, 0.0, 0.0]\nradius = 0.1\n'
+    _, task = task_file.of_text(f'{text}{ball}point = "tool"\n', "arm.toml")  # as of release 0.1.0
+    assert task.obstacles[0].point == "tool"
+    with pytest.raises(SceneError, match="beside 'signal'"):
+        task_file.of_text(f'{text}{ball}point = "tool"\nsignal = "tool"\n', "arm.toml")
+    with pytest.raises(SceneError, match="expected tool"):
+        task_file.of_text(f'{text}{ball}signal = "q"\n', "arm.toml")

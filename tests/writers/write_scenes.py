@@ -62,7 +62,7 @@ executes nothing.
 | `[task]` `horizon` | free: `{ guess, lower, upper }`, fixed: a number; with `via` a list, one for each leg | free |
 | `[task]` `elements` | of the grid of each leg | 50 |
 | `[[task.obstacles]]` | `shape` (`ball`, `box`, `cylinder`, `half_space`) with its numbers | none |
-| `keep`, `point` | of an obstacle: `"outside"` or `"inside"`; the signal that keeps out of it | `"outside"`, `"tool"` |
+| `keep`, `signal` | of an obstacle: `"outside"` or `"inside"`; what keeps out of it | `"outside"`, `"tool"` |
 
 A limit on a signal that an effect limits already takes the place of the effect's. With a horizon for the whole motion
 and via points, only `guess` is given, and shared among the legs. The signals of a scene stand on its card.
