@@ -174,6 +174,7 @@ class System:
 
     def short(self, expression: ca.SX) -> ca.SX:
         """Return a scalar in terms of the unknowns y of the implicit rate where it is a component of its signals."""
+        checks.expression("expression", expression)
         for name, column in ({} if self.implicit is None else self.implicit.signals).items():
             for explicit, short in zip(ca.vertsplit(self.signals[name]), ca.vertsplit(column), strict=True):
                 if ca.is_equal(expression, explicit):

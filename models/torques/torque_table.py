@@ -66,8 +66,15 @@ class TorqueTable:
         return result
 
     def rms(self, values: Array) -> Array:
-        """Return the root mean square over time (n,) of quantities (K, n) at the rows, linear between them."""
-        return rms(self.t, values)
+        """Return the root mean square over time (n,) of quantities (K, n) at the rows, linear between them.
+
+        Raises:
+            ValueError: another number of rows, or values that are not finite.
+        """
+        given = checks.numbers("values", values, f"finite numbers, {len(self.t)} rows")
+        if given.ndim != 2 or len(given) != len(self.t):
+            raise checks.refused("values", values, f"finite numbers, {len(self.t)} rows")
+        return rms(self.t, given)
 
     @cached_property
     def split(self) -> dict[str, Array]:
@@ -141,7 +148,12 @@ class TorqueTable:
         return function, [DERIVATIVES.index(name) for name in function.name_in() if name in DERIVATIVES]
 
     def drives_at(self, t: Array) -> dict[str, Array]:
-        """Return the quantities of the drives at times (K,) of the motion."""
+        """Return the quantities of the drives at times (K,) of the motion.
+
+        Raises:
+            ValueError: a time outside of the motion, and as `drives`.
+        """
+        t = np.atleast_1d(checks.places("t", t, "times in s within the motion", self.t[0], self.t[-1], least=1))
         function, orders = self._drive_function
         moved = [self.derivative(t, order) for order in orders]
         result = evaluate(function, *moved, self.parameters, *time_column(function, t))

@@ -199,7 +199,9 @@ class StudyTable:
         target = checks.path("path", path)
         text = io.StringIO()
         writer = csv.writer(text)
-        known = {"seconds": "s", **(units or {})} if units is not None else {}
+        if units is not None:
+            checks.mapping("units", units, "a dict column -> unit")
+        known = {} if units is None else {"seconds": "s", **units}
         writer.writerow([f"{name} [{known[name]}]" if known.get(name) else name for name in self.columns])
         for row in self:
             values = [row[name] for name in self.columns]

@@ -157,7 +157,7 @@ TABLES: Mapping[str, bytes] = {
     "short row": b"t,q1,q2,q3\n0,1,2,3\n1,2\n", "words": b"t,q1,q2,q3\n0,a,b,c\n1,2,3,4\n",
     "NaN": b"t,q1,q2,q3\n0,1,2,3\n1,nan,3,4\n2,3,4,5\n", "infinite": b"t,q1,q2,q3\n0,1,2,3\n1,inf,3,4\n2,3,4,5\n",
     "time repeated": b"t,q1,q2,q3\n0,1,2,3\n0,2,3,4\n1,3,4,5\n", "time falling": b"t,q1,q2,q3\n1,1,2,3\n0,2,3,4\n",
-    "unit wrong": b"t [h],q1,q2,q3\n0,1,2,3\n1,2,3,4\n", "semicolons": b"t;q1;q2;q3\n0;1;2;3\n1;2;3;4\n",
+    "unit wrong": b"t [h],q1,q2,q3\n0,1,2,3\n1,2,3,4\n", "bars": b"t|q1|q2|q3\n0|1|2|3\n1|2|3|4\n",
     "long line": b"t," + b"q" * 100_000 + b"\n", "column twice": b"t,q1,q1,q3\n0,1,2,3\n1,2,3,4\n",
     "complex": b"t,q1,q2,q3\n0,1j,2,3\n1,2,3,4\n", "huge": b"t,q1,q2,q3\n0,1e400,2,3\n1,2,3,4\n",
 }  # fmt: skip

@@ -138,6 +138,7 @@ def motions() -> tuple[Call, ...]:
     path = models.path_through(q)
     floor = models.path_system(arm, example.NUMBERS, path)
     files = {"machine": A(arm, OPTIONAL), "noise": noise}
+    table = motion.torques(arm, example.EFFECTS, times=[0.0, 0.2, 0.4], values={"gravity.g": 9.0})
     return (
         *(Call(f"Motion.{name}", getattr(motion, name), {"t": at}) for name in ("q", "v", "a", "jerk")),
         Call("Motion.derivative", motion.derivative, {"t": at, "order": A(1, frozenset({"zero"}))}),
@@ -145,6 +146,8 @@ def motions() -> tuple[Call, ...]:
             "machine": A(arm), "effects": A(example.EFFECTS, LIST),
             "times": A([0.0, 0.5], OPTIONAL, ("t",)), "values": A({"gravity.g": 9.0}, MAP, ("parameter",)),
             "limits": A((), LIST), "progress": A(None, OPTIONAL | {"function"})}),
+        Call("TorqueTable.rms", table.rms, {"values": A(table.tau)}),
+        Call("TorqueTable.drives_at", table.drives_at, {"t": A([0.1, 0.2], frozenset({"zero"}))}),
         Call("Motion.quintic", Motion.quintic, ends | {"duration": A(1.0, POSITIVE)}),
         Call("Motion.septic", Motion.septic, ends | {"duration": A(1.0, POSITIVE)}),
         Call("Motion.trapezoidal", Motion.trapezoidal, ends | {
@@ -155,7 +158,7 @@ def motions() -> tuple[Call, ...]:
             "ends": A(None, OPTIONAL)}),
         Call("Motion.from_samples", Motion.from_samples, {
             "t": A(noisy.times), "q": A(noisy.samples), "v": A(None, OPTIONAL),
-            "a": A(None, OPTIONAL), "noise": noise}),
+            "a": A(None, OPTIONAL), "noise": noise, "labels": A(None, OPTIONAL)}),
         Call("Motion.from_csv", Motion.from_csv, {"path": A(_written("csv")), **files}),
         Call("Motion.from_trajectory", Motion.from_trajectory, {"path": A(_written("json")), **files}),
         Call("Motion.of", Motion.of, {"solution": A(example.solution()), "system": A(None, OPTIONAL)}),

@@ -96,7 +96,8 @@ def studies() -> tuple[Call, ...]:
             "function": A(_product, CALLED), "over": A({"a": [1.0]}, NOTHING, ("axes", "axis")),
             "store": A(folder / "study.db", OPTIONAL | {"text"}), "scheme": A(ocp.radau(3), OPTIONAL),
             "grid": A(ocp.uniform(4), OPTIONAL), "solver": A(ocp.Ipopt(progress=False)),
-            "polished": A(False, TRUTH), "neighbours": A(True, TRUTH), "checked": A(0.1, SHARE),
+            "polished": A(False, TRUTH), "neighbours": A(True, TRUTH), "verified": A(True, TRUTH),
+            "checked": A(0.1, SHARE),
             "measure": A(measures, CALLED), "slopes": A(False, TRUTH),
             "compiled": A(None, TRUTH | OPTIONAL), "settings": A({}, frozenset({"map", "names"})),
         }),
@@ -106,7 +107,8 @@ def studies() -> tuple[Call, ...]:
         Call("StudyTable.grid", table.grid, column),
         Call("StudyTable.__getitem__", table.__getitem__, column),
         Call("StudyTable.solution", table.solution, {"number": number, "problem": A(example.cart(), OPTIONAL)}),
-        Call("StudyTable.write_csv", table.write_csv, {"path": A(folder / "table.csv", frozenset({"text"}))}),
+        Call("StudyTable.write_csv", table.write_csv, {
+            "path": A(folder / "table.csv", frozenset({"text"})), "units": A(None, OPTIONAL | {"map", "names"})}),
         Call("StudyTable.write_parquet", table.write_parquet, {
             "path": A(folder / "table.parquet", frozenset({"text"}))}, needs="pyarrow"),
         Call("ocp.influence.influences", influences, result),
