@@ -165,7 +165,6 @@ class System:
             self.check_symbols("singular", place.quantity)
             if ca.depends_on(place.quantity, self.u):
                 raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
-
         if self.implicit is not None:
             checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
             if self.implicit.rate.numel() != self.x.numel():

@@ -69,3 +69,9 @@ def test_no_page_hides_a_block_from_this_test() -> None:
         text = path.read_text(encoding="utf-8")
         left_out = text.count("```python no-run")
         assert len(re.findall(r"^ *```python", text, re.MULTILINE)) == len(blocks(path)) + left_out, name(path)
+
+
+def test_every_page_stands_in_the_index() -> None:
+    listed = (ROOT / "docs" / "index.md").read_text(encoding="utf-8").splitlines()
+    pages = [path.stem for path in (ROOT / "docs").glob("*.md") if path.stem != "index"]
+    assert [page for page in pages if page not in listed] == []
