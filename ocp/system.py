@@ -113,11 +113,12 @@ class System:
     integrals: int = 0
 
     def __post_init__(self) -> None:
+        checks.expression("System: rate", self.rate, "dx/dt as an expression in x, u, p")
+        if self.p is None and self.nominal:
+            raise TypeError(f"System: p is None, expected symbols for {checks.shown(self.nominal)}")
         for name in ("p", "u"):
-            if _empty(getattr(self, name)) or (self.p is None and name == "p"):
+            if _empty(getattr(self, name), name == "p"):
                 object.__setattr__(self, name, ca.SX(0, 1))
-        if self.rate is None:
-            raise TypeError("System: rate is missing, expected dx/dt as an expression in x, u, p")
         if self.t is not None:
             self._add_clock(self.t)
         checks.whole("System: integrals", self.integrals, 0)
@@ -167,9 +168,9 @@ class System:
                 raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
         if self.implicit is not None:
             checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
-            if self.implicit.rate.numel() != self.x.numel():
-                raise ValueError(f"System: the implicit rate has {self.implicit.rate.numel()} components, x has "
-                                 f"{self.x.numel()}; give as many")  # fmt: skip
+            sizes = self.implicit.rate.numel(), self.x.numel()
+            if sizes[0] != sizes[1]:
+                raise ValueError(f"System: the implicit rate has {sizes[0]} components, x has {sizes[1]}; give as many")
 
     def short(self, expression: ca.SX) -> ca.SX:
         """Return a scalar in terms of the unknowns y of the implicit rate where it is a component of its signals."""
@@ -197,8 +198,7 @@ class System:
         checks.expression("System: t", t, "a symbol such as casadi.SX.sym('t')")
         if t.numel() != 1 or not t.is_symbolic():
             raise ValueError(f"System: t is {checks.shown(t)}, expected one symbol of the time")
-        for name in ("x", "rate"):
-            checks.expression(f"System: {name}", getattr(self, name), "a CasADi SX column")
+        checks.expression("System: x", self.x, "a CasADi SX column")
         if self.clock >= 0:
             if self.clock >= self.rate.numel() or not self.rate[self.clock].is_one():
                 raise ValueError("System: t is one of the states x; expected a symbol of its own")
@@ -271,8 +271,8 @@ class System:
         return [results[name] for name in self.nominal]
 
 
-def _empty(part: object) -> bool:
-    return part.numel() == 0 if isinstance(part, ca.SX) else isinstance(part, list | tuple) and not part
+def _empty(part: object, optional: bool) -> bool:
+    return part.numel() == 0 if isinstance(part, ca.SX) else optional and repr(part) in ("None", "[]", "()")
 
 
 def rebuild(

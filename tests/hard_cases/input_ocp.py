@@ -49,8 +49,8 @@ def systems() -> tuple[Call, ...]:
             **spoken, "signals": A({"x1": x[0]}, MAP - OPTIONAL, ("signal",)),
             "nominal": A({"p": 1.0}, frozenset({"names"})),
             "labels": A({}, frozenset({"map"})), "notes": A((), LIST | {"words"}), "limits": A({}, frozenset({"map"})),
-            "initial": A({}, frozenset({"map"})), "singular": A((), LIST),
-            "implicit": A(None, OPTIONAL),
+            "initial": A({}, frozenset({"map"})), "singular": A((), LIST), "implicit": A(None, OPTIONAL),
+            "t": A(None, OPTIONAL | {"symbol"}), "integrals": A(0, frozenset({"zero"})),
         }),
         Call("System.short", arm.short, {"expression": A(arm["q"], frozenset({"symbol"}))}),
         Call("System.label", arm.label, {"name": A("q", ANY_TEXT), "size": A(3, frozenset({"zero"}))}),
@@ -62,7 +62,8 @@ def systems() -> tuple[Call, ...]:
         Call("ocp.Free", ocp.Free, {
             "guess": A(1.0, POSITIVE), "lower": A(0.0, AT_LEAST_ZERO), "upper": A(9.0, BOUND | {"zero"})}),
         Call("ocp.Bolza", ocp.Bolza, {
-            "time": A(1.0, REAL), "running": A(x[0], REAL | {"symbol"}), "final": A(x[1], REAL | {"symbol"})}),
+            "time": A(1.0, REAL), "running": A(x[0], REAL | {"symbol"}), "final": A(x[1], REAL | {"symbol"}),
+            "initial": A(x[1], REAL | {"symbol"})}),
         Call("ocp.Problem", ocp.Problem, {
             "system": A(arm), "horizon": A(Fixed(1.0)), "minimise": A(ocp.Bolza(1.0)),
             "subject_to": A((constraint,), LIST)}),
@@ -72,6 +73,12 @@ def systems() -> tuple[Call, ...]:
         Call("ocp.start", ocp.start, ends),
         Call("ocp.end", ocp.end, ends),
         Call("ocp.along", ocp.along, ends),
+        Call("ocp.integral", ocp.integral, ends),
+        Call("ocp.absolute", ocp.absolute, {
+            "system": A(arm), "expression": A(arm["q"], NOTHING, ("absolute",)), "name": A("absolute", ANY_TEXT)}),
+        Call("ocp.positive_part", ocp.positive_part, {
+            "system": A(arm), "expression": A(arm["q"], NOTHING, ("positive_part",)),
+            "name": A("positive_part", ANY_TEXT)}),
         Call("ocp.periodic", ocp.periodic, {"expression": ends["expression"], "shift": A(0.0, REAL | {"falling"})}),
         Call("ocp.extend", ocp.extend, {"system": A(arm)}),
         Call("ocp.time_derivative", ocp.time_derivative, {"system": A(arm),

@@ -44,7 +44,7 @@ def test_a_system_without_controls_may_say_so_with_an_empty_expression() -> None
 
 def test_a_forgotten_rate_is_named() -> None:
     x, u = ca.SX.sym("x"), ca.SX.sym("u")
-    with pytest.raises(TypeError, match="System: rate is missing"):
+    with pytest.raises(TypeError, match="System: rate is None, expected dx/dt"):
         System(x, u)
 
 
