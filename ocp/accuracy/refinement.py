@@ -22,7 +22,7 @@ from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
 from ocp.solving.between_nodes import exceeded_between_nodes, with_nodes
 from ocp.solving.guess_conversion import GuessLike, as_guesses, is_ladder
-from ocp.solving.guess_ladder import Smooth
+from ocp.solving.guess_rungs import Smooth
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import prepare
 from ocp.solving.solver import solve
