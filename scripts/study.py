@@ -25,7 +25,8 @@ from models.scenes.task import Task
 from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
 from ocp.studies.executors import KINDS, executor
-from ocp.studies.main_effects import influences, jumps
+from ocp.studies.main_effects import influences
+from ocp.studies.neighbour_check import unchecked_jumps
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -114,9 +115,18 @@ def report(table: StudyTable, result: str) -> str:
             f"share {100 * row.share:5.1f} %"
             for row in rows
         ]
-    odd = jumps(table) if "cost" in table.columns else ()
-    lines += [f"jump: cases {a} and {b} probably lie in different local optima" for a, b in odd[:10]]
+    better = [k for k, way in enumerate(table["way"]) if ", better than" in way]
+    if better:
+        lines.append(f"better optima found from a neighbour or a cold start, and kept: cases {_few(better)}")
+    odd = unchecked_jumps(table.cases, table.records)
+    lines += [f"jump: cases {a} and {b} may lie in different local optima, not compared" for a, b in odd[:10]]
+    if table.failures:
+        lines.append("--retry-failed tries failed cases from solved neighbours, step by step, and with more guesses")
     return "\n".join(lines)
+
+
+def _few(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers[:10])) + (f" and {len(numbers) - 10} more" if len(numbers) > 10 else "")
 
 
 def account(table: StudyTable, files: Sequence[Path]) -> dict[str, Any]:
@@ -126,7 +136,7 @@ def account(table: StudyTable, files: Sequence[Path]) -> dict[str, Any]:
         "solved": int(table.ok.sum()),
         "failures": {str(k): text for k, text in table.failures.items()},
         "ways": {way: int(sum(table["way"] == way)) for way in sorted(set(table["way"]) - {""})},
-        "jumps": [list(pair) for pair in (jumps(table) if "cost" in table.columns else ())],
+        "jumps": [list(pair) for pair in unchecked_jumps(table.cases, table.records)],
         "files": [os.fspath(path) for path in files],
     }
 

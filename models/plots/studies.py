@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 
 from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved
 from ocp import StudyTable
-from ocp.studies.main_effects import influences, jumps
+from ocp.studies.main_effects import influences
+from ocp.studies.neighbour_check import unchecked_jumps
 
 MOST = 6  # panels of results
 SKIPPED = ("iterations", "cost")
@@ -241,8 +242,8 @@ def _legend(figure: Figure) -> None:
 
 
 def _mark_jumps(axes: Axes, table: StudyTable, names: Sequence[str], result: str) -> None:
-    """Mark neighbours that probably lie in different local optima."""
-    for a, b in jumps(table, "cost" if "cost" in table.columns else result):
+    """Mark neighbours that may lie in different local optima and were not compared with each other."""
+    for a, b in unchecked_jumps(table.cases, table.records):
         places = [[table.cases[k][name] for k in (a, b)] for name in names]
         values = table[result][[a, b]]
         axes.plot(*places, *([values] if len(names) == 1 else []), "-", color=LIMIT, linewidth=2.5)

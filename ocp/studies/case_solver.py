@@ -20,11 +20,14 @@ from ocp.solving.guess_rungs import Smooth, StraightLine
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.studies.designs import Case
+from ocp.studies.warm_start_rule import ALLOWED, limits_broken
+from ocp.studies.warm_start_tree import between
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 
 SHORT_LADDER = (Smooth(), StraightLine())  # initial guesses for a case that is solved for the first time
 BETTER = 1e-6  # share of the cost by which a cold start must be lower to replace a warm one
+SHORTEST = 1.0 / 16.0  # step of the continuation between two cases, as a share of their distance
 KEPT = 8  # arc NLPs cached in one process
 
 
@@ -82,7 +85,8 @@ class OpenCase:
         neighbour: solved case that is the initial guess, or None.
         structure: case whose switching structure the neighbour has, or None.
         attempts: how often the case has been tried, this time included.
-        thorough: whether the whole ladder of initial guesses is tried.
+        thorough: whether continuation from the neighbour and the whole ladder of initial guesses are tried.
+        compare: whether only the neighbour is the initial guess, to see whether it leads to a better optimum.
     """
 
     id: str
@@ -91,6 +95,7 @@ class OpenCase:
     structure: SolvedCase | None = None
     attempts: int = 1
     thorough: bool = False
+    compare: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +133,16 @@ class CaseSolver:
         if isinstance(problem, Sequence):
             return Solved(prepared(ladder, values), "cold")
         result, note = self._from_neighbour(task, problem, prepared, values)
+        if task.compare:
+            if result is None:
+                raise ValueError(f"not solved from its neighbour: {note}")
+            return replace(result, note=note)
+        if result is None and task.thorough and task.neighbour is not None:
+            continued = self._continued(task.case, task.neighbour)
+            result = self._polished(task, continued, "continued") if continued is not None else None
         if result is None:
             return replace(self._polished(task, prepared(ladder, values), "cold"), note=note)
-        if not self.settings.neighbours or not is_checked(task.id, self.settings.checked):
+        if not self.settings.neighbours or not is_checked(task.id, self.settings.checked) or result.way == "cold":
             return replace(result, note=note)
         return replace(self._better(task, result, prepared(ladder, values)), note=note)
 
@@ -146,10 +158,36 @@ class CaseSolver:
             if carried.ok and carried.structure is not None:
                 return Solved(carried, "carried", task.structure.id), ""
             note = f"structure not carried over: {carried.message}"
+        if not task.compare and limits_broken(near, problem, values) > ALLOWED:
+            cold = prepared(DEFAULT if task.thorough else SHORT_LADDER, values)
+            if cold.ok:
+                return self._polished(task, cold, "cold"), note
         warm = prepared.proceed(near, values)
         if warm.ok:
             return self._polished(task, warm, "warm"), note
         return None, f"{note}; warm start: {warm.message}".removeprefix("; ")
+
+    def _continued(self, case: Case, neighbour: SolvedCase) -> Solution | None:
+        """Return the solution of a case at the end of a path of cases from a neighbour, each started from the last one.
+
+        The path is straight in the values of the cases; a step that fails is halved. None if it becomes too short.
+        """
+        solution: Solution | None = None
+        done, step = 0.0, 0.5  # the whole step has failed before
+        while done < 1.0:
+            share = min(1.0, done + step)
+            problem, values = call(self.settings.function, between(neighbour.case, case, share))
+            if not isinstance(problem, Problem):
+                return None
+            near = solution if solution is not None else decode(neighbour.content, problem, neighbour.id)
+            tried = self._nlp(problem, values).proceed(near, values)
+            if isinstance(tried, Solution) and tried.ok:
+                solution, done = tried, share
+            elif step <= SHORTEST:
+                return None
+            else:
+                step /= 2.0
+        return solution
 
     def _better(self, task: OpenCase, result: Solved, cold: Solution) -> Solved:
         """Return the better one of the solution from a neighbour and the one from a cold start, and say which."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
+from ocp.studies.designs import Case
 from ocp.studies.table import StudyTable
 from ocp.studies.warm_start_tree import neighbours
 
-STEEP = 5.0  # a jump: slope off the mean of its neighbours by more than this times their difference
+STEEP = 1.5  # a jump: slope off the mean of its neighbours by more than this times their difference
+Slopes = dict[tuple[int, int], tuple[str, float, float]]  # pair -> axis, width, slope
 ROUNDING = 1e-4  # smallest jump, relative to the result
 
 
@@ -75,8 +78,9 @@ def influences(table: StudyTable, result: str = "duration") -> tuple[Influence, 
 def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...]:
     """Return the pairs of neighbours between which a result leaves its trend; they may lie in different local optima.
 
-    The slope between them differs from the mean of the slopes on both sides by more than five times what these differ
-    from each other. A kink, where one optimum becomes better than another, is not reported.
+    The slope between them differs from the mean of the slopes on both sides by more than 1.5 times what these differ
+    from each other; or a single case lies above the curve through its neighbours. A kink, where one optimum becomes
+    better than another, is not reported.
 
     Args:
         table: of a study on a grid.
@@ -88,12 +92,24 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
         ValueError: a column without numbers.
     """
     y = _numbers(table, result)
-    pairs = [(a, b) for a, b in neighbours(table.cases) if np.isfinite(y[a]) and np.isfinite(y[b])]
-    slopes = {}
-    for a, b in pairs:
-        name = next(n for n in table.axes if table.cases[a][n] != table.cases[b][n])
-        width = float(table.cases[b][name]) - float(table.cases[a][name])  # type: ignore[arg-type]
-        slopes[a, b] = name, width, float(y[b] - y[a]) / width
+    return jump_pairs(table.cases, [float(one) if np.isfinite(one) else None for one in y])
+
+
+def jump_pairs(cases: Sequence[Case], values: Sequence[float | None]) -> tuple[tuple[int, int], ...]:
+    """Return the pairs of neighbours between which a value leaves its trend, as `jumps` does.
+
+    Args:
+        cases: of a study.
+        values: of the cases; None where there is none.
+    """
+    slopes: Slopes = {}
+    for a, b in neighbours(cases):
+        here, there = values[a], values[b]
+        if here is None or there is None:
+            continue
+        name = next(n for n in cases[a] if cases[a][n] != cases[b][n])
+        width = float(cases[b][name]) - float(cases[a][name])  # type: ignore[arg-type]
+        slopes[a, b] = name, width, (there - here) / width
     ends = {(name, b): slope for (_, b), (name, _, slope) in slopes.items()}
     begins = {(name, a): slope for (a, _), (name, _, slope) in slopes.items()}
     results = []
@@ -102,9 +118,26 @@ def jumps(table: StudyTable, result: str = "cost") -> tuple[tuple[int, int], ...
         if before is None or after is None:
             continue
         away, beside = abs(slope - (before + after) / 2.0) * width, abs(after - before) * width
-        if away > STEEP * beside + ROUNDING * abs(float(y[a])):
+        if away > STEEP * beside + ROUNDING * abs(float(values[a] or 0.0)):
             results.append((a, b))
-    return tuple(results)
+    return tuple(dict.fromkeys([*results, *_peaks(slopes, values)]))
+
+
+def _peaks(pairs: Slopes, values: Sequence[float | None]) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of a single case with its neighbours, whose value lies above the curve through four of them."""
+    following: dict[tuple[str, int], int] = {}
+    before: dict[tuple[str, int], int] = {}
+    for (a, b), (name, _, _) in pairs.items():
+        following[name, a], before[name, b] = b, a
+    for (name, k), right in following.items():
+        left = before.get((name, k))
+        ends = before.get((name, left)) if left is not None else None, following.get((name, right))
+        if left is None or ends[0] is None or ends[1] is None:
+            continue
+        outer, y0, y1, last, here = (float(values[n] or 0.0) for n in (ends[0], left, right, ends[1], k))
+        steps = abs(y1 - y0) + abs(y0 - outer) + abs(last - y1)
+        if here - (4.0 * (y0 + y1) - outer - last) / 6.0 > 0.35 * steps + ROUNDING * abs(here):
+            yield from ((left, k), (k, right))
 
 
 def _numbers(table: StudyTable, result: str) -> Array:

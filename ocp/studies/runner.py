@@ -8,66 +8,24 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 from ocp import checks
 from ocp.studies.case_result import CaseResult
-from ocp.studies.case_solver import OpenCase, SolvedCase, StudySettings
-from ocp.studies.designs import Case
+from ocp.studies.case_solver import OpenCase, SolvedCase
+from ocp.studies.neighbour_check import ROUNDS, compared, open_comparisons
+from ocp.studies.plan import Plan, Progress
 from ocp.studies.sending import ADVICE, NotSentError, let_end_with_parent, sendable
 from ocp.studies.store import LEASE, Store
 from ocp.studies.sweeping import in_words
+from ocp.studies.warm_start_tree import nearest
 from ocp.studies.worker import compute, compute_for
 
 AHEAD = 128  # cases submitted to an executor at a time
 POLL = 0.5  # seconds between two looks at the cases of other processes
 DIED = "the process that computed it died (killed, or out of memory)"
 
-Watch = Callable[["Progress"], None] | None
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a study.
-
-    Args:
-        total: number of cases.
-        done: cases that are finished, in this run or before.
-        failed: cases of them that failed.
-        last: result that was finished last, None before the first one.
-    """
-
-    total: int
-    done: int
-    failed: int
-    last: CaseResult | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """The cases of a study and the order between them.
-
-    Args:
-        settings: of the study.
-        cases: all of them.
-        ids: identity of each case.
-        parents: number of the case that each one starts from, None for a cold start.
-    """
-
-    settings: StudySettings
-    cases: Sequence[Case]
-    ids: Sequence[str]
-    parents: Sequence[int | None]
-
-    @cached_property
-    def children(self) -> dict[int, list[int]]:
-        """Case -> the cases that start from it."""
-        results: dict[int, list[int]] = {}
-        for number, parent in enumerate(self.parents):
-            if parent is not None:
-                results.setdefault(parent, []).append(number)
-        return results
+Watch = Callable[[Progress], None] | None
 
 
 @dataclass(eq=False)
@@ -83,12 +41,15 @@ class _Run:
     running: dict[Future[CaseResult], int] = field(default_factory=dict)
     elsewhere: set[int] = field(default_factory=set)  # computed by another process that uses the store
     failed: int = 0
+    solved: Sequence[int] = ()  # cases that were solved before this run
     sent: Any = None  # the settings as they are sent to a worker process
     arrived: bool = False  # whether a worker process has returned a result
 
     def task(self, number: int) -> OpenCase:
         """Return a case to be computed, with the nearest solved case above it in the tree."""
         parent, neighbour, structure = self.plan.parents[number], None, None
+        if self.plan.ids[number] in self.retried and self.plan.settings.neighbours:
+            parent = nearest(self.plan.cases, number, self.solved)
         while parent is not None:
             result = self.finished[self.plan.ids[parent]]
             if result.ok:
@@ -181,6 +142,7 @@ def carry_out(
     retried = {name: result for name, result in stored.items() if retry_failed and not result.ok}
     finished = {name: result for name, result in stored.items() if name not in retried}
     run = _Run(plan, store, watch, finished, retried)
+    run.solved = [k for k, name in enumerate(plan.ids) if name in stored and stored[name].ok]
     run.failed = sum(not result.ok for result in finished.values())
     for number, parent in enumerate(plan.parents):
         if plan.ids[number] not in finished and (parent is None or plan.ids[parent] in finished):
@@ -192,7 +154,9 @@ def carry_out(
     if run.ready:
         let_end_with_parent(pool)
     try:
-        _loop(run, pool, make)
+        pool = _loop(run, pool, make)
+        if plan.settings.neighbours:
+            _compare_neighbours(run, pool)
     finally:
         for future in run.running:
             future.cancel()
@@ -201,7 +165,8 @@ def carry_out(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
+def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> Any:
+    """Compute all cases; returns the pool, which may be another one than before."""
     suspects: deque[int] = deque()  # being computed when a process died; tried again one by one
     renewed = time.monotonic()
     while run.ready or run.running or run.elsewhere or suspects:
@@ -239,6 +204,43 @@ def _loop(run: _Run, pool: Any, make: Callable[[], Executor] | None) -> None:
             renewed = time.monotonic()
         if run.elsewhere:
             run.look_elsewhere()
+    return pool
+
+
+def _compare_neighbours(run: _Run, pool: Any) -> None:
+    """Solve neighbours between which the cost jumps from each other, and keep the better solution of each case."""
+    plan = run.plan
+    for _ in range(ROUNDS):
+        results = [run.finished.get(name) for name in plan.ids]
+        futures = []
+        for number, other in open_comparisons(plan.cases, results):
+            content = run.store.solution(plan.ids[other])
+            if content is not None:
+                neighbour = SolvedCase(plan.ids[other], plan.cases[other], content)
+                task = OpenCase(plan.ids[number], plan.cases[number], neighbour, compare=True)
+                futures.append((number, other, _started(run, pool, task)))
+        if not futures:
+            return
+        for number, other, future in futures:
+            old, near = run.finished[plan.ids[number]], run.finished[plan.ids[other]]
+            try:
+                new = future.result()
+            except Exception as error:
+                raise _broken(run, error) from None
+            files = {"solution": run.store.solution(old.id) or b""}
+            kept = compared(old, new, near, files)
+            run.store.finish(plan.settings.identity, kept)
+            run.finished[old.id] = replace(kept, solutions={})
+
+
+def _started(run: _Run, pool: Any, task: OpenCase) -> Future[CaseResult]:
+    """Submit a case to the pool, or compute it at once if there is none."""
+    if pool is not None:
+        future: Future[CaseResult] = pool.submit(compute_for, os.getpid(), run.sent, task)
+        return future
+    done: Future[CaseResult] = Future()
+    done.set_result(compute(run.plan.settings, task))
+    return done
 
 
 def _submit(run: _Run, pool: Any, suspects: deque[int]) -> None:
@@ -248,13 +250,7 @@ def _submit(run: _Run, pool: Any, suspects: deque[int]) -> None:
         number = (suspects if suspects else run.ready).popleft()
         if not run.is_ours(number):
             continue
-        task, settings = run.task(number), run.plan.settings
-        if pool is None:
-            done: Future[CaseResult] = Future()
-            done.set_result(compute(settings, task))
-            run.running[done] = number
-        else:
-            run.running[pool.submit(compute_for, os.getpid(), run.sent, task)] = number
+        run.running[_started(run, pool, run.task(number))] = number
         if limit == 1:
             break
 
@@ -266,7 +262,7 @@ def _made(make: Callable[[], Executor]) -> Executor:
     return pool
 
 
-def _broken(run: _Run, error: BrokenExecutor) -> RuntimeError:
+def _broken(run: _Run, error: Exception) -> RuntimeError:
     count = sum(name in run.finished for name in run.plan.ids)
     return RuntimeError(
         f"the executor broke ({in_words(error)}); {count} of {len(run.plan.ids)} cases are stored, "

@@ -20,7 +20,8 @@ from ocp.studies.case_solver import StudySettings
 from ocp.studies.content_hash import as_json, digest, identify, versions
 from ocp.studies.default_measures import measures
 from ocp.studies.designs import Case, Design, Product, plain_rows
-from ocp.studies.runner import Plan, Progress, carry_out
+from ocp.studies.plan import Plan, Progress
+from ocp.studies.runner import carry_out
 from ocp.studies.store import Store
 from ocp.studies.sweeping import check_function
 from ocp.studies.table import StudyTable

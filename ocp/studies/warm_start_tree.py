@@ -37,6 +37,35 @@ def parents(cases: Sequence[Mapping[str, Any]]) -> list[int | None]:
     return result
 
 
+def nearest(cases: Sequence[Mapping[str, Any]], number: int, candidates: Sequence[int]) -> int | None:
+    """Return the candidate that is nearest to a case, with equal texts; None if there is none.
+
+    Args:
+        cases: with the same names.
+        number: of the case.
+        candidates: numbers of other cases.
+    """
+    ranks, groups = _ranks(cases)
+    members = [k for k in candidates if groups[k] == groups[number]]
+    if not members:
+        return None
+    distances = np.sum(np.abs(ranks[members] - ranks[number]), axis=1)
+    return int(members[int(np.argmin(distances))])
+
+
+def between(first: Mapping[str, Any], last: Mapping[str, Any], share: float) -> dict[str, Any]:
+    """Return the case on the straight line between two cases; only floating point numbers change along it.
+
+    Args:
+        first, last: cases with the same names.
+        share: 0 at the first one, 1 at the last one.
+    """
+    if share >= 1.0:
+        return dict(last)
+    moving = {name for name in last if isinstance(first[name], float) and isinstance(last[name], float)}
+    return {name: first[name] + share * (last[name] - first[name]) if name in moving else last[name] for name in last}
+
+
 def neighbours(cases: Sequence[Mapping[str, Any]]) -> list[tuple[int, int]]:
     """Return the pairs of cases that differ in one number, by one step on its axis.
 

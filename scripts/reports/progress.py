@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ocp.studies.runner import Progress
+from ocp.studies.plan import Progress
 
 EVERY = 5.0  # seconds between two lines
 
