@@ -218,11 +218,12 @@ def _compare_neighbours(run: _Run, pool: Any) -> None:
             if content is not None:
                 neighbour = SolvedCase(plan.ids[other], plan.cases[other], content)
                 task = OpenCase(plan.ids[number], plan.cases[number], neighbour, compare=True)
-                futures.append((number, other, _started(run, pool, task)))
+                near = run.finished[plan.ids[other]]  # as it is now; a later comparison may replace it
+                futures.append((number, near, _started(run, pool, task)))
         if not futures:
             return
-        for number, other, future in futures:
-            old, near = run.finished[plan.ids[number]], run.finished[plan.ids[other]]
+        for number, near, future in futures:
+            old = run.finished[plan.ids[number]]
             try:
                 new = future.result()
             except Exception as error:
