@@ -6,6 +6,7 @@ from ocp.accuracy.report import Report
 from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
 from ocp.accuracy.verification import verify
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
+from ocp.arcs.least_effort import gentlest
 from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.constraints import Constraint, along, end, integral, periodic, start
@@ -43,14 +44,14 @@ from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 __all__ = [
-    "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors", "Fixed",
-    "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed", "Multipliers",
-    "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product", "Random", "Report",
-    "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal", "Smooth", "Sobol",
-    "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study", "StudyTable", "System",
-    "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end", "estimate", "extend",
-    "given", "inside", "integral", "integrators", "legendre", "load", "lobatto", "multistart", "outside", "periodic",
-    "point_to_point", "polish", "positive_part", "prepare", "prepare_structure", "radau", "save", "sensitivity",
-    "simulate", "smooth", "solve", "solve_to_accuracy", "start", "straight_line", "sweep", "time_derivative",
-    "uniform", "verify",
+    "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
+    "Fixed", "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed",
+    "Multipliers", "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product",
+    "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal",
+    "Smooth", "Sobol", "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study",
+    "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end",
+    "estimate", "extend", "gentlest", "given", "inside", "integral", "integrators", "legendre", "load", "lobatto",
+    "multistart", "outside", "periodic", "point_to_point", "polish", "positive_part", "prepare",
+    "prepare_structure", "radau", "save", "sensitivity", "simulate", "smooth", "solve", "solve_to_accuracy",
+    "start", "straight_line", "sweep", "time_derivative", "uniform", "verify",
 ]  # fmt: skip

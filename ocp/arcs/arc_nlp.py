@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import time
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -9,8 +11,10 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from ocp.arcs.arc_penalties import penalties_of, value_of
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
 from ocp.arcs.null_space_newton import Equations, as_equations
+from ocp.arcs.simultaneous_switches import chosen_multipliers
 from ocp.arcs.state_limit_multipliers import LimitCondition, adjoin_directly
 from ocp.checks import Array
 from ocp.problem.boundary_states import ends
@@ -20,7 +24,7 @@ from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc, Contact, Kind
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.nlp_solver import NlpResult, PhysicalSolver, physical_solver
-from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
+from ocp.transcription.arc_layout import ArcLayout, Condition
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
@@ -106,7 +110,17 @@ class ArcNlp:
             answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
             assert self.solver is not None
-            answer = self.solver(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
+            numbers = np.append(self.task.numbers, self._widths)
+            # CasADi prints that there are more equations than unknowns; here some follow from others.
+            more = np.sum(rows_low == rows_high) > np.sum(low < high)
+            with contextlib.redirect_stderr(io.StringIO()) if more else contextlib.nullcontext():
+                answer = self.solver(np.clip(z0, low, high), numbers, sides)
+            point = answer.z, numbers, answer.multipliers
+            chosen = (
+                chosen_multipliers(self.task, self.nlp, self.arcs, self.arc_layout.arc, point, sides)
+                if answer.status is Status.SOLVED else None
+            )  # fmt: skip
+            answer = answer if chosen is None else replace(answer, multipliers=chosen)
         return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
 
     @property
@@ -132,7 +146,7 @@ class ArcNlp:
         limit_multipliers, jumps = adjoin_directly(
             self.task.limits, self.conditions, nlp, answer, (states, controls, costates), grid, parameters
         )
-        penalty = sum(_value(p, controls, grid.widths * result.sum()) for p in self.arc_layout.penalties)
+        penalty = sum(value_of(p, controls, grid.widths * result.sum()) for p in self.arc_layout.penalties)
         return ArcMotion(
             done, answer, grid, arc, states, controls, costates, limit_multipliers, jumps, nlp.free, parameters, setup,
             penalty,
@@ -182,15 +196,16 @@ class ArcNlp:
 
 
 def transcribe_arcs(
-    task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, weight: float = 0.0
-) -> ArcNlp:
+    task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, weight: float = 0.0,
+    effort: bool = False,
+) -> ArcNlp:  # fmt: skip
     """Return the NLP of a problem for a given structure, without a solver; arguments as for `prepare_arcs`."""
     arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
     conditions = _conditions(task, arcs, arc, guess.duration)
-    penalties = _penalties(task, arcs, arc, guess, grid, weight)
+    penalties = penalties_of(task, arcs, arc, None if effort else guess, grid, weight)
     arc_layout = ArcLayout(
         arc, tuple(own.condition for own in conditions), bool(np.isfinite(_totals(task.problem)).any()), penalties
     )
@@ -200,7 +215,7 @@ def transcribe_arcs(
 
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
-    weight: float = 0.0, limited: bool = True,
+    weight: float = 0.0, limited: bool = True, effort: bool = False,
 ) -> ArcNlp:  # fmt: skip
     """Transcribe a problem for a given structure and build its solver.
 
@@ -211,10 +226,11 @@ def prepare_arcs(
         guess: of the motion; sets the scaling.
         settings: of IPOPT.
         weight: [cost/s] of the penalty that keeps singular controls near those of the guess.
+        effort: whether the penalty keeps them near zero instead.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
     """
     begun = time.perf_counter()
-    whole = transcribe_arcs(task, arcs, elements, guess, weight)
+    whole = transcribe_arcs(task, arcs, elements, guess, weight, effort)
     whole = whole if limited else whole.unlimited()
     nlp = whole.nlp
     sizes = nlp.scaling.cost, nlp.row_scales
@@ -244,32 +260,6 @@ def _simultaneous(arcs: tuple[Arc, ...]) -> int:
     return sum(max(count - 1, 0) for count in changes)
 
 
-def _penalties(
-    task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, guess: Guess, grid: Grid, weight: float
-) -> tuple[Penalty, ...]:
-    """Return the penalties that keep singular controls near those of the guess."""
-    low, high = task.problem.limits(Where.ALONG, task.problem.system.u)
-    results = []
-    for k, a in enumerate(arcs if weight > 0.0 else ()):
-        chosen = np.array([i for i in sorted(task.singular) if a.kinds[i] is Kind.INTERIOR], dtype=int)
-        if len(chosen) == 0:
-            continue
-        own = np.flatnonzero(arc == k)
-        share = grid.ends[own][:, None] + grid.widths[own][:, None] * task.scheme.points
-        reference = guess.control(share)[:, :, chosen]
-        used = np.maximum(np.ptp(guess.u, axis=0), np.max(np.abs(guess.u), axis=0))
-        scale = np.where(np.isfinite(high - low), high - low, np.where(used > 0.0, used, 1.0))[chosen]
-        results.append(Penalty(chosen, reference, scale, weight, own, task.scheme.weights))
-    return tuple(results)
-
-
-def _value(penalty: Penalty, controls: Array, seconds: Array) -> float:
-    """Return the value of a penalty for given controls (N, d, nu) and widths (N,) of the elements [s]."""
-    away = (controls[penalty.elements][:, :, penalty.controls] - penalty.reference) / penalty.scale
-    integral = seconds[penalty.elements] @ np.sum(away**2, axis=2) @ penalty.quadrature
-    return float(penalty.weight / 2.0 * integral)
-
-
 def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
     """Return the grid of the whole motion; an arc of no duration keeps the width LEAST."""
     seconds = np.append(0.0, np.cumsum(np.maximum(durations, LEAST * durations.sum())[arc] * widths))
@@ -285,21 +275,23 @@ def _conditions(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: fl
     conditions: list[LimitCondition] = []
 
     def condition(k: int, contact: Contact, orders: range, along: bool) -> LimitCondition:
-        limit, own = task.limits[contact.limit], np.flatnonzero(arc == k)
-        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in limit.chain[:-1]]
+        limit, own, chain = task.limits[contact.limit], np.flatnonzero(arc == k), task.chain(contact)
+        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in chain[:-1]]
         function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
         scale = limit.range / seconds ** np.array(orders)
-        expression = ca.vertcat(*(limit.chain[order] for order in orders))
+        expression = ca.vertcat(*(chain[order] for order in orders))
         points = (own, tuple(task.scheme.points)) if along else (own[:1], (0.0,))
-        return LimitCondition(Condition(expression, scale, *points), k, contact, along, function)
+        return LimitCondition(Condition(expression, scale, *points), k, contact, along, orders[0], function)
 
     for k, a in enumerate(arcs):
-        before = {(c.limit, c.side) for c in arcs[k - 1].held} if k else set()
+        before = {(c.limit, c.side): len(task.chain(c)) - 1 for c in arcs[k - 1].held} if k else {}
         for contact in a.held:
-            order = task.limits[contact.limit].order
+            order = len(task.chain(contact)) - 1
             conditions.append(condition(k, contact, range(order, order + 1), True))
-            if order and (contact.limit, contact.side) not in before and not (k == 0 and start_known):
-                conditions.append(condition(k, contact, range(order), False))
+            # What the arc before holds already needs no condition, but derivatives of a higher order do.
+            fulfilled = before.get((contact.limit, contact.side), 0)
+            if order > fulfilled and not (k == 0 and start_known):
+                conditions.append(condition(k, contact, range(fulfilled, order), False))
         for contact in a.touched:
             conditions.append(condition(k, contact, range(min(task.limits[contact.limit].order, 2)), False))
     return tuple(conditions)

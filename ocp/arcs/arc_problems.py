@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from ocp.arcs.limit_arcs import chain_of
 from ocp.arcs.state_limit_multipliers import Jump, LimitMultiplier
 from ocp.checks import Array
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.solution import Solution
-from ocp.solution.structure import Arc, Kind
+from ocp.solution.structure import Arc, Contact, Kind
 from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
@@ -43,6 +44,11 @@ class ArcProblem:
     def loose(self, arcs: tuple[Arc, ...]) -> bool:
         """Return whether a structure has singular arcs, whose controls the NLP does not determine well."""
         return any(arc.kinds[i] is Kind.INTERIOR for arc in arcs for i in self.singular)
+
+    def chain(self, contact: Contact) -> tuple[ca.SX, ...]:
+        """Return c, c', ..., c^(r) of the limit of a contact, r the first order at which its control appears."""
+        limit = self.limits[contact.limit]
+        return (chain_of(self.problem, limit, contact.control) if contact.control >= 0 else ()) or limit.chain
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcProblem:
         """Return the same for other parameter values and a problem that differs in numbers only."""

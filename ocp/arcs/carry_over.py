@@ -13,8 +13,8 @@ from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
 from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
 from ocp.arcs.optimality_check import EXCESS, certify, complaint
-from ocp.arcs.polishing import RESIDUAL
 from ocp.arcs.revision import revise, swapped, without_vanished
+from ocp.arcs.settling import RESIDUAL
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Problem, same_structure
 from ocp.solution.solution import Solution, Status, Timings

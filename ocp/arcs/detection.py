@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import casadi as ca
 import numpy as np
 
 from ocp.arcs.arcs import merged
+from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, place, with_brakes
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.problem.constraints import Where
@@ -18,59 +16,99 @@ from ocp.solution.structure import Arc, Contact, Kind
 from ocp.transcription.schemes.scheme import Control
 
 EDGE = 0.02  # distance of a control from a bound, share of its range, that counts as being at the bound
-ACTIVE = 2e-4  # distance from a state limit, share of its range, that counts as active
-NEARLY = 2e-3  # distance that does not end an active stretch: on a coarse grid a state on its limit oscillates
-STUCK = 0.08  # a stretch on a state limit ends where its control stays at a bound for more than this share of it
-HELD_FOR = 2.5  # elements that a limit must be active for to be an arc; a shorter contact is a touch point
+SHARP = 1e-3  # the same where switches lie between elements
 CHATTER = 2  # most cells between two bounds that are one switch or a short excursion, not an interior arc
 SINGULAR = 0.02  # switching function, share of the Hamiltonian, below which a control between bounds is interior
 EXCURSION = 0.05  # of a cell; shorter excursions are no arcs
+BRAKE = 5e-4  # duration of a braking arc that is too short to be seen, share of the motion
+ALIGNED = 1.2  # elements within which an interior arc begins or ends together with an arc on a state limit
 
 Stretch = tuple[float, Kind]  # start of a stretch of one control [s], and its kind
+Touch = tuple[float, Contact]
 
 
-@dataclass(frozen=True)
-class LimitArc:
-    """A stretch of time in which a state limit is active."""
-
-    contact: Contact
-    start: float
-    end: float
-
-
-def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
+def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...], sharp: bool = False) -> tuple[Arc, ...]:
     """Return the switching structure of a solution as arcs.
 
     Args:
         problem: one phase.
         solution: of the problem, on any grid.
         limits: state limits of the problem.
+        sharp: whether switches lie between elements and undetermined controls are smooth, as on a moved grid with a
+            small cost on effort; then a control between its bounds is on an interior arc.
     """
     edges, u, share = cells(problem, solution)
-    holds, touches = contacts(problem, solution, limits)
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    places = [_place(u[:, i], low[i], high[i]) for i in range(u.shape[1])]
+    edge = SHARP if sharp else EDGE
+    places = np.stack([place(u[:, i], low[i], high[i], edge) for i in range(u.shape[1])], axis=1)
+    divided = Cells(edges, places, edge, sharp)
+    holds, touches = contacts(problem, solution, limits, divided)
     # A control cannot be at a bound that it does not have, whatever the sign of its switching function.
     share = np.where(np.isfinite(np.where(share > 0.0, low, high)), share, 0.0)
-    kept = [(hold, _possible(hold, edges, places[hold.contact.control])) for hold in holds]
-    holds = [part for _, parts in kept for part in parts]
-    # A limit that no control can hold is a touch point, however long it is active.
-    touches += [((h.start + h.end) / 2.0, Contact(h.contact.limit, h.contact.side)) for h, parts in kept if not parts]
-    stretches: list[list[Stretch]] = []
-    for i, place in enumerate(places):
-        own = [hold for hold in holds if hold.contact.control == i]
-        stretches.append(_stretches(edges, place, share[:, i], own))
+    share = 0.0 * share if sharp else share
+    stretches = [
+        _stretches(divided, i, share[:, i], [hold for hold in holds if hold.contact.control == i])
+        for i in range(u.shape[1])
+    ]
+    if sharp:
+        near = ALIGNED * solution.duration / len(solution.grid)
+        stretches = _aligned(stretches, [t for hold in holds for t in (hold.start, hold.end)], near)
+        touches = [touch for touch in touches if not _part_of_arc(touch, holds, near)]
+    arcs = _arcs(stretches, holds, touches, solution.duration)
+    return with_brakes(problem, solution, limits, arcs, BRAKE * solution.duration) if sharp else arcs
+
+
+def _arcs(
+    stretches: list[list[Stretch]], holds: list[LimitArc], touches: list[Touch], duration: float
+) -> tuple[Arc, ...]:
+    """Return the arcs between all times at which something begins or ends."""
     times = {0.0}
     times |= {t for own in stretches for t, _ in own} | {t for t, _ in touches}
     times |= {t for hold in holds for t in (hold.start, hold.end)}
-    inner = sorted(t for t in times if t < solution.duration)
+    inner = sorted(t for t in times if t < duration)
     arcs = []
-    for a, b in zip(inner, [*inner[1:], solution.duration], strict=True):
+    for a, b in zip(inner, [*inner[1:], duration], strict=True):
         middle = (a + b) / 2.0
         kinds = tuple([kind for t, kind in own if t <= middle][-1] for own in stretches)
         held = tuple(hold.contact for hold in holds if hold.start < middle < hold.end)
         arcs.append(Arc(kinds, b - a, held, tuple(contact for t, contact in touches if t == a)))
     return merged(tuple(arcs))
+
+
+def _part_of_arc(touch: Touch, holds: list[LimitArc], near: float) -> bool:
+    """Return whether a touch point is the beginning or the end of an arc on the same limit."""
+    t, contact = touch
+    same = [hold for hold in holds if (hold.contact.limit, hold.contact.side) == (contact.limit, contact.side)]
+    return any(hold.start - near <= t <= hold.end + near for hold in same)
+
+
+def _aligned(stretches: list[list[Stretch]], times: list[float], near: float) -> list[list[Stretch]]:
+    """Return stretches with ends of interior arcs moved to nearby times; interior arcs that are too short are dropped.
+
+    Args:
+        stretches: of every control.
+        times: at which state limits begin or cease to be active [s].
+        near: largest distance [s].
+    """
+    results = []
+    for own in stretches:
+        ends = [t for t, _ in own[1:]] + [np.inf]
+        kept = [
+            one
+            for one, end in zip(own, ends, strict=True)
+            if one[1] is not Kind.INTERIOR or end - one[0] > near or len(own) == 1
+        ]
+        moved: list[Stretch] = []
+        for k, (t, kind) in enumerate(kept):
+            soft = k > 0 and Kind.INTERIOR in (kind, kept[k - 1][1]) and Kind.HOLDING not in (kind, kept[k - 1][1])
+            closest = min(times, key=lambda time: abs(time - t), default=np.inf)
+            t = closest if soft and abs(closest - t) <= near else t
+            if k and t <= moved[-1][0]:
+                moved[-1] = (moved[-1][0], kind)
+            elif not moved or kind is not moved[-1][1]:
+                moved.append((t if k else 0.0, kind))
+        results.append(moved)
+    return results
 
 
 def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
@@ -86,90 +124,11 @@ def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
     return np.append(edges, 1.0) * solution.duration, u, result.shares
 
 
-def contacts(
-    problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]
-) -> tuple[list[LimitArc], list[tuple[float, Contact]]]:
-    """Return the stretches on state limits, and the touch points as (time, contact)."""
-    if not limits:
-        return [], []
-    system, scheme = problem.system, solution.scheme
-    t, x, _, u = solution.samples(scheme.nodes)
-    p = np.tile(solution.parameters[:, None], len(t))
-    function = ca.Function(
-        "limits", [system.x, system.u, system.p], [ca.vertcat(*(limit.chain[0] for limit in limits))]
-    )
-    values = np.array(function.map(len(t))(x.T, u.T, p))
-    element = np.repeat(np.arange(len(solution.grid)), len(scheme.nodes))
-    widths = solution.duration * solution.grid.widths
-    holds: list[LimitArc] = []
-    touches: list[tuple[float, Contact]] = []
-    for number, limit in enumerate(limits):
-        for side in (-1, 1):
-            if not np.isfinite(limit.at(side)):
-                continue
-            for run in _runs(np.abs(values[number] - limit.at(side)) / limit.range, element):
-                first, last = t[run[0]], t[run[-1]]
-                if last - first >= HELD_FOR * np.max(widths[element[run]]):
-                    control = _holder(problem, solution, limit, (first + last) / 2.0)
-                    holds.append(LimitArc(Contact(number, side, control), first, last))
-                elif limit.order and first > 0.0 and last < solution.duration:
-                    at = run[int(np.argmax(side * values[number][run]))]
-                    touches.append((float(t[at]), Contact(number, side)))
-    return holds, touches
-
-
-def _runs(distance: Array, element: Array) -> list[Array]:
-    """Return runs of nodes that begin and end within ACTIVE of a limit and stay within NEARLY between."""
-    near = np.flatnonzero(distance <= NEARLY)
-    runs = np.split(near, np.flatnonzero(np.diff(element[near]) > 1) + 1) if len(near) else []
-    active = [(run, np.flatnonzero(distance[run] <= ACTIVE)) for run in runs]
-    return [run[at[0] : at[-1] + 1] for run, at in active if len(at)]
-
-
-def _possible(hold: LimitArc, edges: Array, place: Array) -> list[LimitArc]:
-    """Return the parts of a stretch on a limit in which its control lies between its bounds and can hold the limit."""
-    inside = np.flatnonzero((edges[:-1] >= hold.start - 1e-12) & (edges[1:] <= hold.end + 1e-12))
-    stuck = inside[(place[inside] < EDGE) | (place[inside] > 1.0 - EDGE)]
-    whole = hold.end - hold.start
-    parts, begin = [], hold.start
-    for run in np.split(stuck, np.flatnonzero(np.diff(stuck) > 1) + 1) if len(stuck) else []:
-        first, last = float(edges[run[0]]), float(edges[run[-1] + 1])
-        if last - first < STUCK * whole:
-            continue
-        parts.append(LimitArc(hold.contact, begin, first))
-        begin = last
-    parts.append(LimitArc(hold.contact, begin, hold.end))
-    return [part for part in parts if part.end - part.start > STUCK * whole]
-
-
-def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float) -> int:
-    """Return the control that holds a limit: one between its limits with the largest effect on c^(r)."""
-    system = problem.system
-    effect = ca.Function("e", [system.x, system.u, system.p], [ca.densify(ca.jacobian(limit.chain[-1], system.u))])
-    u = solution.u(t)
-    low, high = problem.limits(Where.ALONG, system.u)
-    strength = np.abs(np.array(effect(solution.x(t), u, solution.parameters))).ravel()
-    strength = strength * np.where(np.isfinite(high - low), high - low, 1.0)
-    inside = np.abs([_place(u[i : i + 1], low[i], high[i])[0] - 0.5 for i in range(len(u))]) < 0.5 - EDGE
-    return int(np.argmax(np.where(inside, strength + 1e-300, 0.0) if inside.any() else strength))
-
-
-def _place(u: Array, low: float, high: float) -> Array:
-    """Return the position of a control in its range, 0 to 1; one half away from the bounds if one is missing."""
-    if not np.isfinite(high - low) or high <= low:
-        at = np.full(len(u), 0.5)
-        if np.isfinite(low):
-            at[u - low <= EDGE * max(np.ptp(u), 1e-12 * np.max(np.abs(u)))] = 0.0
-        if np.isfinite(high):
-            at[high - u <= EDGE * max(np.ptp(u), 1e-12 * np.max(np.abs(u)))] = 1.0
-        return at
-    return np.clip((u - low) / (high - low), 0.0, 1.0)
-
-
-def _stretches(edges: Array, place: Array, share: Array, holds: list[LimitArc]) -> list[Stretch]:
+def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) -> list[Stretch]:
     """Return the stretches of one control from its positions in all cells."""
+    edges, place, edge = cells.edges, cells.place[:, control], cells.edge
     middle, widths = (edges[:-1] + edges[1:]) / 2.0, np.diff(edges)
-    kinds: list[Kind | None] = [Kind.LOWER if a < EDGE else Kind.UPPER if a > 1.0 - EDGE else None for a in place]
+    kinds: list[Kind | None] = [Kind.LOWER if a < edge else Kind.UPPER if a > 1.0 - edge else None for a in place]
     for hold in holds:
         for covered in np.flatnonzero((middle > hold.start) & (middle < hold.end)).tolist():
             kinds[covered] = Kind.HOLDING

@@ -160,7 +160,10 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
             for a, b in zip(edges[::2], edges[1::2], strict=True):
                 gain = float(weights[a:b] @ gains[a:b, i])
                 if gain > LEAST * cost:
-                    wrong.append(WrongSign(i, float(t[a]), float(t[b - 1]), gain, wanted))
+                    # A single point at the end of an element stands for the way to the next point.
+                    first = a - 1 if b - a == 1 and a % s == s - 1 else a
+                    last = b if b - a == 1 and a % s == 0 else b - 1
+                    wrong.append(WrongSign(i, float(t[first]), float(t[last]), gain, wanted))
     total = float(weights @ gains.sum(axis=1)) / cost
     return total, tuple(sorted(wrong, key=lambda w: -w.gain))
 

@@ -2,68 +2,54 @@
 
 from __future__ import annotations
 
+import sys
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
-from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
-from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
-from ocp.arcs.detection import contacts, read
-from ocp.arcs.optimality_check import Certificate, certify, complaint
-from ocp.arcs.revision import revise, swapped, without_shortest_hold, without_vanished
+from ocp.arcs.arc_problems import ArcProblem, arc_problem
+from ocp.arcs.arcs import tabulate
+from ocp.arcs.detection import read
+from ocp.arcs.least_effort import with_effort, without_effort
+from ocp.arcs.limit_arcs import contacts
+from ocp.arcs.moving_grid import SETTINGS as MOVING
+from ocp.arcs.moving_grid import move_grid
+from ocp.arcs.settling import RESIDUAL, Attempt, Budget, settle
 from ocp.arcs.switching import switching_functions
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.solution import Solution, Status, Timings
+from ocp.solution.structure import Arc
 from ocp.solution.violations import between_points
-from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
-from ocp.solving.solver import solve
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.gauss_legendre import legendre
+from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
-SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=False, extra={"mu_init": 1e-6, "acceptable_iter": 0})
-DOUBLINGS = 3  # of the elements, until the residual is small enough
-RESIDUAL = 5e-7  # accepted local error of the dynamics on an element, share of the range of a state
-REVISIONS = 16  # most structures tried for one detection
-FAILURES = 2  # most structures whose NLP is not solved, for one detection
-PUSHED = 1e-4  # largest change of a scaled unknown when the barrier of inactive limits is removed
-READINGS = 3  # most detections; the second and third after refining the grid where the structure is in doubt
-# No further structure is tried after that much work, 5 times that of the given solve and so much more. Work is counted
-# in iterations at one collocation point, not in seconds, so that a busy machine finds the same.
-PATIENCE = 5.0, 25000
-WEIGHT = 1e-2  # penalty on singular controls, share of the cost per second; halved with each step
-PROXIMAL, LEFT = 8, 1e-11  # most proximal steps; they end when the penalty is this share of the cost
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """The result of one detection and the revisions that followed."""
-
-    motion: ArcMotion | None
-    certificate: Certificate | None
-    reason: str
-    iterations: int
-    work: float
+SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=None, extra={"mu_init": 1e-6, "acceptable_iter": 0})
+SECONDS = 20.0  # of processor time after which no further structure is tried
+EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, share of the cost
 
 
 def polish(
-    solution: Solution, problem: Problem | None = None, scheme: Scheme | None = None, solver: Ipopt | None = None
-) -> Solution:
+    solution: Solution, problem: Problem | None = None, scheme: Scheme | None = None, solver: Ipopt | None = None,
+    *, seconds: float = SECONDS,
+) -> Solution:  # fmt: skip
     """Solve again with the durations of the arcs as unknowns, controls at their limits pinned.
 
     The arcs (each control at its lower or upper limit, interior, or holding a state limit) are read from controls,
     switching functions and state limits. On an arc where a limit c <= c_max of order r holds, c^(r) = 0 determines its
     control, with c = c_max, c' = ... = 0 at the entry; a touch has c = c_max, c' = 0 at one instant. Then arcs that
-    vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded,
-    and arcs inserted where a switching function has the wrong sign, until nothing is wrong. Where the structure is in
-    doubt, the grid is refined there and read again.
+    vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded
+    or presses on the motion, and arcs inserted where a switching function has the wrong sign, until nothing is wrong.
+    If that fails, or if there are controls between their bounds that the cost does not determine, the structure is read
+    again from a grid whose widths are unknowns, with a small cost on effort that makes such controls smooth.
     Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
     the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
@@ -75,10 +61,12 @@ def polish(
         problem: needed only for a solution loaded without it.
         scheme: with collocated control, default legendre(6, control=Control.COLLOCATED).
         solver: settings of IPOPT.
+        seconds: of processor time, after which no further structure is tried.
 
     Returns:
-        The polished solution with its `structure`; or the given one with structure None and the reason in its message:
-        the polished one counts only if it is solved, confirms or improves the cost, and meets the sign conditions.
+        The polished solution with its `structure`; it counts only if it is solved, confirms or improves the cost, and
+        meets the sign conditions. Else a solution with structure None and the reason in its message: on a grid moved to
+        the switches if that has a lower cost, or the given one.
         `timings` are those of polishing alone: derivatives and solver of its last solve, set-up for all before it.
 
     Raises:
@@ -98,6 +86,7 @@ def polish(
         raise TypeError(f"polish: scheme is {shown}, expected one with control=Control.COLLOCATED")
     if scheme.slope_at_start:
         raise TypeError(f"polish: scheme is {scheme!r}, expected radau or legendre")
+    checks.number("polish: seconds", seconds, "a number of seconds > 0, or inf", above=0.0, finite=False)
     settings = SETTINGS if solver is None else solver
     if not solution.ok:
         return _unpolished(solution, "it is not a solved one")
@@ -110,112 +99,72 @@ def polish(
         if limits[hold.contact.limit] in together:
             name = limits[hold.contact.limit].label.name
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
-    allowed = solution.cost + _doubt(problem, solution)
-    coarse, reason, iterations = solution, "", 0
-    left = PATIENCE[0] * _work(solution) + PATIENCE[1]
-    for reading in range(READINGS):
-        tried = _settle(task, coarse, settings, left)
-        iterations, left = iterations + tried.iterations, left - tried.work
-        reason = reason or tried.reason
-        if tried.motion is not None and tried.certificate is not None:
-            if tried.motion.result.cost - tried.motion.penalty <= allowed:
-                spent = iterations, time.perf_counter() - begun
-                result = _polished(task, solution, tried, spent)
-                loose = between_points(result)
-                if not loose:
-                    return result
-                reason = loose[0]
-            else:
-                cost = tried.motion.result.cost
-                reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
-        if reading + 1 == READINGS or left <= 0.0:
-            break
-        finer = solve(problem, coarse.scheme, _finer(problem, coarse, limits), Ipopt(progress=False), coarse,
-                      solution.values)  # fmt: skip
-        iterations, left = iterations + finer.iterations, left - _work(finer)
-        if not finer.ok:
-            break
-        coarse = finer
-    return _unpolished(solution, reason)
+    allowed, iterations, reason = solution.cost + _doubt(problem, solution), 0, ""
+    budget = Budget(seconds, sys.stderr.isatty() if settings.progress is None else settings.progress)
+    coarse = solution
+    for coarse, arcs in _readings(task, solution, budget):
+        tried = settle(task, coarse, arcs, settings, budget, eased=coarse is not solution)
+        iterations += tried.iterations
+        reason = tried.reason or reason
+        if tried.motion is None or tried.certificate is None:
+            continue
+        cost = tried.motion.result.cost - tried.motion.penalty
+        if cost > allowed:
+            reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
+            continue
+        result = _polished(task, solution, tried, (iterations, time.perf_counter() - begun))
+        loose = between_points(result)
+        if not loose:
+            budget.show("")
+            return result
+        reason = loose[0]
+    if budget.left <= 0.0:
+        reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
+    result = _on_moved_grid(solution, coarse, problem, budget)
+    budget.show("")
+    return _unpolished(result, reason)
 
 
-def _work(solution: Solution) -> float:
-    return float(solution.iterations * len(solution.grid) * solution.scheme.degree)
+def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:
+    """Return the motion with constant controls on a moved grid if it is better and keeps its limits; else the given."""
+    if budget.left <= 0.0:
+        return solution
+    budget.show("no structure found, moving the grid")
+    moved = move_grid(coarse, problem, radau(4), solver=budget.limited(MOVING))
+    if moved.status is not Status.SOLVED or moved.cost > solution.cost or between_points(moved):
+        return solution
+    gain = (solution.cost - moved.cost) / max(abs(solution.cost), 1e-300)
+    return replace(moved, message=f"{Status.SOLVED.value}; grid moved to the switches, cost lower by {gain:.1e}")
+
+
+def _readings(task: ArcProblem, solution: Solution, budget: Budget) -> Iterator[tuple[Solution, tuple[Arc, ...]]]:
+    """Yield motions with the structures read from them: the given one, then on moved grids with a cost on effort."""
+    problem, limits = task.problem, task.limits
+    arcs = read(problem, solution, limits)
+    # Where only time counts, controls between their bounds are slack as a rule, and arbitrary in the given motion.
+    timed = problem.minimise.running.is_zero() and problem.minimise.final.is_zero()
+    if not (timed and task.loose(arcs)):
+        yield solution, arcs
+    eased = with_effort(problem, solution, EFFORT)
+    coarse = solution
+    # Collocated controls keep state limits exactly, constant ones show short arcs.
+    for scheme, factor in ((legendre(3, Control.COLLOCATED), 1.0), (radau(4), 1.5)):
+        if budget.left <= 0.0:
+            return
+        ends = coarse.grid.ends
+        count = round(factor * len(solution.grid))
+        if factor != 1.0:
+            ends = np.interp(np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, len(ends)), ends)
+        moved = move_grid(coarse, eased, scheme, Grid(ends), budget.limited(MOVING))
+        if moved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.LIMIT):
+            return
+        coarse = without_effort(moved, problem)
+        yield coarse, read(problem, coarse, limits, sharp=True)
 
 
 def _couples(problem: Problem, limit: StateLimit) -> bool:
     """Return whether a limit depends on more than one control."""
     return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
-
-
-def _settle(task: ArcProblem, coarse: Solution, settings: Ipopt, patience: float) -> _Attempt:
-    """Detect a structure, solve its NLP and revise it until all conditions of optimality hold."""
-    arcs, guess = read(task.problem, coarse, task.limits), from_solution(coarse)
-    seen: set[tuple[object, ...]] = set()
-    solves = iterations = work = level = steps = failures = 0
-    settled: _Attempt | None = None
-    while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or work < patience):
-        elements = elements_of(arcs, level)
-        loose = task.loose(arcs)
-        weight = WEIGHT * 0.5**steps * abs(coarse.cost) / coarse.duration if loose else 0.0
-        begin = replace(settings, extra={**settings.extra, "mu_init": 1e-2}) if loose and steps == 0 else settings
-        nlp = prepare_arcs(task, arcs, elements, guess, begin, weight)
-        motion = nlp.solve(nlp.start(guess, durations(arcs)))
-        solves, iterations = solves + 1, iterations + motion.result.iterations
-        work += motion.result.iterations * sum(elements) * task.scheme.degree
-        seen.add(key_of(arcs))
-        if motion.result.status is not Status.SOLVED:
-            if settled is not None:
-                return replace(settled, iterations=iterations, work=work)  # only its residual could have been smaller
-            failures += 1
-            others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
-            other = next((o for o in others if key_of(o) not in seen), None)
-            if other is not None and failures <= FAILURES:
-                arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
-                continue
-            reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
-            return _Attempt(None, None, reason, iterations, work)
-        certificate = certify(task, motion)
-        solution, sound = motion.solution(task, coarse), certificate.sound
-        revised = revise(motion, certificate, task.limits)
-        if (not sound or len(revised) < len(motion.arcs)) and key_of(revised) not in seen:
-            arcs, guess, steps = revised, from_solution(solution), 0
-            continue
-        regularised = motion.penalty > LEFT * abs(motion.result.cost) and steps < PROXIMAL
-        if not sound and regularised and not (certificate.signs or certificate.crossings or certificate.jumps):
-            # Only singular arcs are wrong, because of the penalty on them.
-            arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
-            continue
-        if not sound and level >= 1:
-            return _Attempt(None, None, complaint(task, certificate), iterations, work)
-        settled = _Attempt(motion, certificate, "", iterations, work) if sound else None
-        if not sound or (float(np.max(solution.error)) > RESIDUAL and level < DOUBLINGS):
-            arcs, guess, level = motion.arcs, from_solution(solution), level + 1
-            continue
-        if regularised:
-            arcs, guess, steps = motion.arcs, from_solution(solution), steps + 1
-            continue
-        return _Attempt(*_finished(nlp, motion, certificate), "", iterations, work)
-    return _Attempt(None, None, "the structure does not settle", iterations, work)
-
-
-def _finished(nlp: ArcNlp, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
-    """Return the motion solved again by Newton's iteration without inactive limits, whose barrier moves it a little."""
-    task, bare = nlp.task, nlp.unlimited()
-    if bare.equations is None or task.loose(motion.arcs):
-        return motion, certificate
-    better = bare.solve(motion.result.z)
-    before, after = motion.result, better.result
-    moved = np.max(np.abs(after.z - before.z))
-    if after.status is not Status.SOLVED or moved > PUSHED or without_vanished(better.arcs) != better.arcs:
-        return motion, certificate
-    again = certify(task, better)
-    inside, seconds = before.derivatives + after.derivatives, before.seconds + after.seconds
-    answer = replace(
-        before, z=after.z, multipliers=after.multipliers, limits=after.limits, cost=after.cost, derivatives=inside,
-        seconds=seconds,
-    )  # fmt: skip
-    return (replace(better, result=answer), again) if again.sound else (motion, certificate)
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:
@@ -227,21 +176,7 @@ def _doubt(problem: Problem, solution: Solution) -> float:
     return float(weights @ result.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
 
 
-def _finer(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...]) -> Grid:
-    """Return the grid with elements in four where a control is between its limits or a state limit begins or ends."""
-    holds, touches = contacts(problem, solution, limits)
-    doubtful = {t for t, _ in touches} | {t for hold in holds for t in (hold.start, hold.end)}
-    starts = np.cumsum([arc.duration for arc in read(problem, solution, limits)])[:-1]
-    ends = solution.grid.ends
-    split = np.zeros(len(solution.grid), dtype=bool)
-    for t in (*doubtful, *starts.tolist()):
-        k = int(solution.grid.locate(np.array([t / solution.duration]))[0])
-        split[max(k - 1, 0) : k + 2] = True
-    marks = [np.linspace(a, b, 5 if cut else 2)[:-1] for a, b, cut in zip(ends[:-1], ends[1:], split, strict=True)]
-    return Grid(np.append(np.concatenate(marks), 1.0))
-
-
-def _polished(task: ArcProblem, given: Solution, tried: _Attempt, spent: tuple[int, float]) -> Solution:
+def _polished(task: ArcProblem, given: Solution, tried: Attempt, spent: tuple[int, float]) -> Solution:
     motion, certificate = tried.motion, tried.certificate
     assert motion is not None
     assert certificate is not None

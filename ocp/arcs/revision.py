@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
+import numpy as np
+
 from ocp.arcs.arc_problems import ArcMotion
 from ocp.arcs.arcs import merged
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
+from ocp.problem.constraints import Where
+from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.structure import Arc, Contact, Kind
 
 VANISHED = 1e-7  # duration of an arc, share of the motion, below which it is dropped
+ISLAND = 1e-4  # the same for an arc on which alone a control lies between its bounds
+SATURATED = 1e-5  # distance from a bound, share of the range, that counts as being at it
+SIGNS = 3  # intervals with a wrong sign, the worst first, that are tried
 WHOLE = 0.9  # share of a stretch with the wrong sign above which the whole stretch changes its kind
 
 
@@ -19,9 +27,10 @@ def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
     total = sum(arc.duration for arc in arcs)
     kept: list[Arc] = []
     pending: tuple[Contact, ...] = ()
-    for arc in arcs:
+    for k, arc in enumerate(arcs):
         touched = tuple(dict.fromkeys((*pending, *arc.touched)))
-        if arc.duration <= VANISHED * total:
+        least = ISLAND if _island(arcs, k) else VANISHED
+        if arc.duration <= least * total:
             # A limit held for no time is touched, if the arc before did not hold it.
             held = {(c.limit, c.side) for c in kept[-1].held} if kept else set()
             fresh = tuple(Contact(c.limit, c.side) for c in arc.held if (c.limit, c.side) not in held)
@@ -31,6 +40,13 @@ def without_vanished(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
         kept.append(replace(arc, touched=tuple(c for c in touched if (c.limit, c.side) not in now)))
         pending = ()
     return merged(tuple(kept)) if kept else arcs
+
+
+def _island(arcs: tuple[Arc, ...], k: int) -> bool:
+    """Return whether a control is on an interior arc here, but neither before nor after."""
+    others = [arcs[j].kinds for j in (k - 1, k + 1) if 0 <= j < len(arcs)]
+    alone = [kind is Kind.INTERIOR and all(o[i] is not kind for o in others) for i, kind in enumerate(arcs[k].kinds)]
+    return len(others) == 2 and any(alone)
 
 
 def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
@@ -97,8 +113,45 @@ def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateL
     return (*cut[:k], replace(arc, touched=(*arc.touched, crossing.contact)), *cut[k + 1 :])
 
 
-def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
-    """Return the arcs with a control at the bound that its switching function asks for, in part of the interval."""
+def with_hold(
+    problem: Problem, arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateLimit, ...]
+) -> tuple[Arc, ...]:
+    """Return the arcs with a limit of first order active along the arc after the time at which it is met.
+
+    Args:
+        problem: one phase.
+        arcs: the present structure.
+        crossing: where the limit presses on the motion.
+        limits: state limits of the problem.
+    """
+    limit = limits[crossing.contact.limit]
+    if limit.order != 1:
+        return arcs
+    cut, k = _cut(arcs, crossing.worst)
+    if k == 0 or k >= len(cut):
+        return arcs
+    depends = ca.which_depends(limit.chain[-1], problem.system.u, 1, False)
+    arc = cut[k]
+    free = [i for i, own in enumerate(depends) if own and arc.kinds[i] is not Kind.HOLDING]
+    if not free or any(c.limit == crossing.contact.limit for c in arc.held):
+        return arcs
+    # The control that has just switched has driven the motion to its limit.
+    i = next((i for i in free if cut[k - 1].kinds[i] is not arc.kinds[i]), free[0])
+    contact = Contact(crossing.contact.limit, crossing.contact.side, i)
+    touched = tuple(c for c in arc.touched if c.limit != contact.limit)
+    kinds = tuple(Kind.HOLDING if j == i else kind for j, kind in enumerate(arc.kinds))
+    held = replace(arc, kinds=kinds, held=(*arc.held, contact), touched=touched)
+    return merged((*cut[:k], held, *cut[k + 1 :]))
+
+
+def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tuple[Arc, ...]:
+    """Return the arcs with a control at the bound that its switching function asks for, in part of the interval.
+
+    Args:
+        arcs: the present structure.
+        wrong: the interval.
+        part: keep a part of the stretch even if almost all of it has the wrong sign.
+    """
     start, end = wrong.start, wrong.end
     starts = _starts(arcs)
     own = [k for k, arc in enumerate(arcs) if starts[k] < (start + end) / 2.0 <= starts[k] + arc.duration]
@@ -111,7 +164,7 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
     while last + 1 < len(arcs) and arcs[last + 1].kinds[wrong.control] is arcs[k].kinds[wrong.control]:
         last += 1
     stretch = starts[last] + arcs[last].duration - starts[first]
-    if end - start < WHOLE * stretch:
+    if part or end - start < WHOLE * stretch:
         quarter = (end - start) / 4.0
         # Where the interval begins or ends with the stretch, the switch there comes too early or too late.
         a = start if start - starts[first] < 1e-6 * stretch else start + quarter
@@ -131,8 +184,8 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign) -> tuple[Arc, ...]:
     return merged(changed)
 
 
-def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
-    """Return the structure to try next; the same arcs if no revision applies.
+def revisions(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> list[tuple[Arc, ...]]:
+    """Return structures to try next, the most promising first; empty if nothing is wrong.
 
     Args:
         motion: the solution for the present structure.
@@ -141,16 +194,25 @@ def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit
     """
     arcs = without_vanished(motion.arcs)
     if len(arcs) < len(motion.arcs):
-        return arcs
+        return [arcs]
+    results: list[tuple[Arc, ...]] = []
     if certificate.jumps or certificate.released:
-        return without_false_contacts(arcs, certificate)
-    for crossing in certificate.crossings:
-        touched = with_contact(arcs, crossing, limits)
-        if touched != arcs:
-            return touched
-    if certificate.signs:
-        return with_sign(arcs, certificate.signs[0])
-    return arcs
+        results.append(without_false_contacts(arcs, certificate))
+    results += [with_contact(arcs, crossing, limits) for crossing in certificate.crossings]
+    for wrong in certificate.signs[:SIGNS]:
+        results += [with_sign(arcs, wrong), with_sign(arcs, wrong, part=True)]
+    return [other for other in results if other != arcs]
+
+
+def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> tuple[Arc, ...]:
+    """Return the structure to try next; the same arcs if no revision applies.
+
+    Args:
+        motion: the solution for the present structure.
+        certificate: its violated conditions.
+        limits: state limits of the problem.
+    """
+    return next(iter(revisions(motion, certificate, limits)), without_vanished(motion.arcs))
 
 
 def _starts(arcs: tuple[Arc, ...]) -> list[float]:
@@ -173,3 +235,41 @@ def _cut(arcs: tuple[Arc, ...], t: float) -> tuple[tuple[Arc, ...], int]:
             return (*arcs[:k], before, after, *arcs[k + 1 :]), k + 1
         begin += arc.duration
     return arcs, len(arcs) - 1
+
+
+def with_saturated(problem: Problem, motion: ArcMotion, arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
+    """Return the arcs with those parts of interior arcs cut off in which a control stays at a bound.
+
+    Args:
+        problem: one phase.
+        motion: the solution for the present structure.
+        arcs: of the motion, without those of no duration.
+    """
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    ends, widths = motion.grid.ends * motion.duration, np.diff(motion.grid.ends) * motion.duration
+    starts = np.cumsum([0.0, *(arc.duration for arc in arcs)])
+    owner = np.clip(np.searchsorted(starts, (ends[:-1] + ends[1:]) / 2.0, side="right") - 1, 0, len(arcs) - 1)
+    cuts: list[tuple[float, float, int, Kind]] = []
+    for k, arc in enumerate(arcs):
+        own = np.flatnonzero((owner == k) & (widths > VANISHED * motion.duration))
+        for i, kind in enumerate(arc.kinds):
+            if kind is not Kind.INTERIOR or not np.isfinite(high[i] - low[i]):
+                continue
+            place = (motion.controls[own, :, i] - low[i]) / (high[i] - low[i])
+            for at, side in ((place < SATURATED, Kind.LOWER), (place > 1.0 - SATURATED, Kind.UPPER)):
+                whole = np.all(at, axis=1).astype(int)
+                edges = np.flatnonzero(np.diff(np.concatenate([[0], whole, [0]])))
+                for a, b in zip(edges[::2], edges[1::2], strict=True):
+                    cuts.append((float(ends[own[a]]), float(ends[own[b - 1] + 1]), i, side))
+    for a, b, i, side in cuts:
+        arcs, _ = _cut(arcs, a)
+        arcs, _ = _cut(arcs, b)
+        starts = np.array(_starts(arcs))
+        middle = (starts[:-1] + starts[1:]) / 2.0
+        arcs = tuple(
+            replace(arc, kinds=tuple(side if j == i else kind for j, kind in enumerate(arc.kinds)))
+            if a < middle[k] < b and arc.kinds[i] is Kind.INTERIOR
+            else arc
+            for k, arc in enumerate(arcs)
+        )
+    return merged(arcs)

@@ -44,12 +44,13 @@ class LimitCondition:
     arc: int
     contact: Contact
     along: bool  # along the arc, else at its start only
+    order: int  # of the first derivative in the equations
     gradients: ca.Function  # (x, u, p) -> grad c, grad c', ..., grad c^(r - 1) of the limit
 
     def value(self, limits: tuple[StateLimit, ...]) -> Array:
         """Return the value (m,) that the expression of the condition must have."""
         limit, value = limits[self.contact.limit], np.zeros(self.condition.expression.numel())
-        if not (self.along and limit.order):
+        if self.order == 0:
             value[0] = limit.at(self.contact.side)
         return value
 
@@ -75,33 +76,38 @@ def adjoin_directly(
     edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
     slopes = slope_matrix(scheme.points, scheme.points).T
     for own, rows in zip(conditions, nlp.conditions, strict=True):
-        limit, elements = limits[own.contact.limit], own.condition.elements
+        order, elements = own.order, own.condition.elements
         if not own.along:
             continue
         h = seconds[elements][:, None]
         raw = answer.multipliers[rows[:, :, 0]]
         rates = [raw / own.condition.scale[0] / (scheme.weights * h)]
-        for _ in range(limit.order):
+        for _ in range(order):
             rates.append(rates[-1] @ slopes / h)
-        if limit.order:
+        if order:
             x, u = (
                 states[elements][:, at_points].reshape(-1, states.shape[2]),
                 controls[elements].reshape(-1, controls.shape[2]),
             )
             result = mapped(own.gradients, len(x)).call([x.T, u.T, np.tile(numbers[:, None], len(x))])
-            for k in range(limit.order):
-                gradient = np.array(result[limit.order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
+            for k in range(order):
+                gradient = np.array(result[order - 1 - k]).reshape(states.shape[2], len(x), order="F").T
                 costates[elements] += (-1) ** k * rates[k][:, :, None] * gradient.reshape(costates[elements].shape)
             # mu^(r - 1) at both ends of the arc is part of the jumps there.
-            last = (-1) ** (limit.order - 1) * rates[limit.order - 1]
+            last = (-1) ** (order - 1) * rates[order - 1]
             entering[own.arc, own.contact] = float(edges[0] @ last[0])
             leaving[own.arc, own.contact] = float(edges[1] @ last[-1])
-        limit_multipliers.append(LimitMultiplier(own.arc, own.contact, (-1) ** limit.order * rates[-1]))
+        limit_multipliers.append(LimitMultiplier(own.arc, own.contact, (-1) ** order * rates[-1]))
     for own, rows in zip(conditions, nlp.conditions, strict=True):
-        if not own.along:
+        if not own.along and own.order == 0:
             push = float(answer.multipliers[rows[0, 0, 0]] / own.condition.scale[0])
             jumps.append(Jump(own.arc, own.contact, push - entering.get((own.arc, own.contact), 0.0)))
+    stays = {(arc, contact.limit, contact.side, contact.control) for arc, contact in entering}
     for (k, contact), height in leaving.items():
-        # Where the limit stays active on the next arc, the jump is the difference of both sides.
+        # Where the limit stays active on the next arc, the jump is the difference of both sides; where another control
+        # holds it there, mu belongs to another derivative.
+        others = {(a, n, s) for a, n, s, control in stays if control != contact.control}
+        if (k + 1, contact.limit, contact.side) in others:
+            continue
         jumps.append(Jump(k + 1, contact, height - entering.get((k + 1, contact), 0.0)))
     return tuple(limit_multipliers), tuple(jumps)

@@ -63,12 +63,14 @@ class ArcLayout:
         conditions: constraint rows at chosen points.
         total: whether the sum of all arc durations is a constraint row.
         penalties: on chosen controls, part of the cost.
+        evenness: weight w >= 0 of the cost w sum_k ((h_k+1 - h_k) / scale)^2 on the arc durations h.
     """
 
     arc: Array
     conditions: tuple[Condition, ...] = ()
     total: bool = False
     penalties: tuple[Penalty, ...] = ()
+    evenness: float = 0.0
 
     @property
     def arcs(self) -> int:

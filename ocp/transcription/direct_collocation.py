@@ -78,6 +78,9 @@ def transcribe(
     if arc_layout.total:
         blocks.append((_total(layout, scaling), []))
         sizes.append(np.full(1, scaling.horizon))
+    if arc_layout.evenness:
+        blocks.append((_unevenness(layout, arc_layout.evenness), []))
+        sizes.append(np.zeros(0))
     expressions, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
@@ -241,6 +244,13 @@ def _total(layout: Layout, scaling: Scaling) -> Local:
     linear = np.zeros((2, len(layout.horizon)))
     linear[0] = scaling.horizon
     return Local(ca.SX(1, 1), none, (), linear, [], layout.horizon[:, None])
+
+
+def _unevenness(layout: Layout, weight: float) -> Local:
+    """Return the penalty on the difference of two neighbouring arc durations, divided by their scale."""
+    pair, h = ca.SX.sym("pair", 2), layout.horizon
+    value = weight * (pair[1] - pair[0]) ** 2
+    return Local(value, pair, (), np.zeros((1, 2)), [(np.ones((1, 1)), np.eye(2))], np.stack([h[:-1], h[1:]]))
 
 
 def _control(scheme: Scheme, tau: float, nu: int) -> Array:

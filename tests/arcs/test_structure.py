@@ -15,7 +15,8 @@ from models import plots
 from models.plots import structures
 from ocp import Bolza, Free, Problem, System, along, end, polish, solve, start, uniform
 from ocp.arcs.arcs import merged, tabulate
-from ocp.arcs.detection import contacts, read
+from ocp.arcs.detection import read
+from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
 from ocp.arcs.revision import (
     revise,

@@ -1,0 +1,113 @@
+"""Gentlest motion among the best ones: controls that the cost does not determine take the least effort."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from ocp import checks
+from ocp.checks import Array
+from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian_of
+from ocp.problem.problem import Bolza, Problem
+from ocp.solution.attached_problem import with_problem
+from ocp.solution.solution import Solution
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.solver import solve
+
+WEIGHT = 1e-4  # of the effort of all controls at their limits, share of the cost
+
+
+def gentlest(
+    solution: Solution, problem: Problem | None = None, weight: float = WEIGHT, solver: Ipopt | None = None
+) -> Solution:
+    """Solve again with a small cost on effort, so that drives with slack move smoothly instead of arbitrarily.
+
+    J + weight J* / T* integral of sum_i (u_i / limit_i)^2 dt, J* and T* those of the given solution,
+
+    over the limited controls that enter the Hamiltonian linearly. While one drive of a machine sets the time, the
+    others have infinitely many optimal controls; the effort picks the smooth one. The cost J rises by at most
+    weight times the share of the effort that is saved.
+
+    Args:
+        solution: solved, of a Problem.
+        problem: needed only for a solution loaded without it.
+        weight: of the effort, share of the cost.
+        solver: settings of IPOPT.
+
+    Returns:
+        The motion on the same grid with the same scheme; `cost` is J without the effort, and `problem` the given one.
+        If it cannot be solved, the given solution with the reason in its message.
+
+    Raises:
+        TypeError: no Solution.
+        ValueError: a solution loaded without its problem, or a weight that is not > 0.
+    """
+    solution, problem = with_problem("gentlest", solution, problem)
+    checks.number("gentlest: weight", weight, "a number > 0", above=0.0)
+    checks.instance("gentlest: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
+    if not solution.ok or solution.duration <= 0.0:
+        return replace(solution, message=f"{solution.message}; not made gentler: it is not a solved motion")
+    eased = with_effort(problem, solution, weight)
+    if eased is problem:
+        return replace(solution, message=f"{solution.message}; not made gentler: the cost determines all controls")
+    settings = Ipopt(progress=False) if solver is None else solver
+    result = solve(eased, solution.scheme, solution.grid, settings, solution, solution.values)
+    if not result.ok:
+        return replace(solution, message=f"{solution.message}; not made gentler: {result.message}")
+    return replace(without_effort(result, problem), message=f"{result.message}; gentlest")
+
+
+def undetermined(problem: Problem) -> Array:
+    """Return the indices of the limited controls that the Hamiltonian is linear in."""
+    curvature = hamiltonian_of(problem).curvature
+    limit = scales(problem)
+    return np.array(
+        [i for i in range(len(limit)) if np.isfinite(limit[i]) and ca.SX(curvature[i, i]).is_zero()], dtype=int
+    )
+
+
+def scales(problem: Problem) -> Array:
+    """Return the largest finite bound of every control, (nu,); inf without one or with zero."""
+    sides = np.abs(np.stack(problem.limits(Where.ALONG, problem.system.u)))
+    sides[~np.isfinite(sides)] = 0.0
+    largest = np.max(sides, axis=0)
+    return np.where(largest > 0.0, largest, np.inf)
+
+
+def with_effort(problem: Problem, solution: Solution, weight: float) -> Problem:
+    """Return a problem with the effort of its undetermined controls added to the cost; itself if it has none.
+
+    Args:
+        problem: one phase.
+        solution: sets the scale, J* / T*.
+        weight: share of the cost.
+    """
+    chosen = undetermined(problem)
+    if len(chosen) == 0:
+        return problem
+    share = weight * max(abs(solution.cost), abs(problem.minimise.time) * solution.duration) / solution.duration
+    limit, u = scales(problem), problem.system.u
+    effort = sum((((u[int(i)] / limit[i]) ** 2) for i in chosen), ca.SX(0)) / len(chosen)
+    cost = problem.minimise
+    return replace(problem, minimise=Bolza(cost.time, cost.running + share * effort, cost.final))
+
+
+def without_effort(result: Solution, problem: Problem) -> Solution:
+    """Return a solution of the problem with effort as one of the problem without it: its cost is computed again.
+
+    Args:
+        result: solved with `with_effort(problem, ...)`.
+        problem: the one without.
+    """
+    cost, system = problem.minimise, problem.system
+    value = cost.time * result.duration
+    function = ca.Function("cost", [system.x, system.u, system.p], [cost.running, cost.final])
+    _, x, _, u = result.samples(result.scheme.points)
+    p = result.parameters
+    running = np.array(function.map(len(x))(x.T, u.T, np.tile(p[:, None], len(x)))[0]).reshape(len(result.grid), -1)
+    value += float(result.duration * result.grid.widths @ (running @ result.scheme.weights))
+    value += float(function(result.states[-1, -1], result.controls[-1, -1], p)[1])
+    return replace(result, cost=value, problem=problem)
