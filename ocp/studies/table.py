@@ -197,6 +197,8 @@ class StudyTable:
             OSError: the file cannot be written.
         """
         target = checks.path("path", path)
+        if units is not None:
+            checks.mapping("units", units, "column -> unit, or None")
         text = io.StringIO()
         writer = csv.writer(text)
         if units is not None:
