@@ -211,7 +211,9 @@ def solves() -> tuple[Call, ...]:
             "problem": A(problem), "tol": A(1e3, POSITIVE), **common, **guess, "seconds": A(9.0, BOUND),
             "elements": A(10), "finish": A(None, OPTIONAL | {"function", "kind"})}, next),
         Call("ocp.polish", ocp.polish, {
-            **both, "scheme": A(ocp.radau(3, Control.COLLOCATED), OPTIONAL), "solver": A(None, OPTIONAL)}),
+            **both, "scheme": A(ocp.radau(3, Control.COLLOCATED), OPTIONAL), "solver": A(None, OPTIONAL),
+            "seconds": A(9.0, BOUND)}),
+        Call("ocp.gentlest", ocp.gentlest, {**both, "weight": A(1e-4, POSITIVE), "solver": A(None, OPTIONAL)}),
         Call("ocp.verify", ocp.verify, both), Call("ocp.estimate", ocp.estimate, both),
         Call("ocp.smooth", ocp.smooth, {"problem": A(problem), "values": A([9.81], REAL)}),
         Call("ocp.straight_line", ocp.straight_line, {"problem": A(problem), "values": A([9.81], REAL)}),
