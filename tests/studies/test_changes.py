@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from ocp import Study
+from ocp.studies import value_content
 from ocp.studies.content_hash import digest, identify
 from ocp.studies.value_content import UnidentifiedError
 
@@ -148,7 +149,8 @@ def test_a_call_and_a_file_that_is_not_imported_change_nothing(tmp_path):
     assert first[0] == first[2] == second
 
 
-def test_values_that_refer_to_each_other_many_times_come_to_an_end():
+def test_values_that_refer_to_each_other_many_times_come_to_an_end(monkeypatch):
+    monkeypatch.setattr(value_content, "MOST", 2000)
     functions = "\n".join(f"def f{k}(x):\n    return [{', '.join(f'f{j}' for j in range(12))}]" for k in range(12))
     space = {"__name__": "mine"}
     exec(functions, space)
