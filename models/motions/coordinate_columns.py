@@ -139,8 +139,8 @@ def as_recording(
     told = f"columns left out: {', '.join(unused[:8])}{' ...' if len(unused) > 8 else ''}"
     q, v, a = parts
     assert q is not None
-    found = (*notes, told) if unused else notes
-    return Recording(table[:, 0] * TIMES[unit], q, v, a if v is not None else None, tuple(labels), found, stated)
+    result = (*notes, told) if unused else notes
+    return Recording(table[:, 0] * TIMES[unit], q, v, a if v is not None else None, tuple(labels), result, stated)
 
 
 def _base(heading: tuple[str, str], order: int, expected: str) -> str:

@@ -216,8 +216,8 @@ class Motion:
     ) -> Motion:
         """Return the motion of a ROS JointTrajectory file; see `models.motions.ros_trajectory.read_trajectory`."""
         labels = labels_of(machine)
-        found = read_trajectory(path, [label.name for label in labels], joints)
-        return cls.recorded(named(found, labels), noise=noise)
+        result = read_trajectory(path, [label.name for label in labels], joints)
+        return cls.recorded(named(result, labels), noise=noise)
 
     @classmethod
     def of(cls, solution: Recorded, system: System | None = None) -> Motion:

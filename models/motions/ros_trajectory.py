@@ -46,9 +46,9 @@ def read_trajectory(path: str | os.PathLike[str], names: Sequence[str] = (), joi
 
 def trajectory(message: Any, names: Sequence[str] = (), joints: Joints = None) -> Recording:
     """Return the recording in a message, or a list of messages, given as plain data; see `read_trajectory`."""
-    found = list(inside(message, ("points",)))
-    if found:
-        parts = [_one(part, names, joints) for part in found]
+    result = list(inside(message, ("points",)))
+    if result:
+        parts = [_one(part, names, joints) for part in result]
         return parts[0] if len(parts) == 1 else _joined(parts)
     states = list(inside(message, ("name", "position")))
     if states:

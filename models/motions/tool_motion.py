@@ -184,31 +184,31 @@ def _along(
     tool = Composed(path, law)
     first = np.unique(np.concatenate([np.linspace(law.start, law.end, COARSE), law.times, knots]))
     pieces = path.curve.breaks.size if isinstance(getattr(path, "curve", None), Piecewise) else 1  # type: ignore[attr-defined]
-    found = follow(
+    result = follow(
         tool, machine.inverse, angular, first=first, pieces=pieces, begin=choice.begin, limits=choice.limits,
         branch=choice.branch,
     )  # fmt: skip
-    points, configurations, chosen = found.points, found.configurations, found.q
+    points, configurations, chosen = result.points, result.configurations, result.q
     lost = np.flatnonzero(~configurations.reachable)
     if len(lost):
         k = int(lost[0])
-        raise ValueError(f"{_where(points[k], found.t[k])} cannot be reached: {configurations.why(k)}")
+        raise ValueError(f"{_where(points[k], result.t[k])} cannot be reached: {configurations.why(k)}")
     redundant = [i for i in range(n) if np.all(np.isnan(configurations.q[:, :, i])) and i not in _moving(machine)]
     held = _held(machine, redundant, {} if hold is None else hold)
     for i, value in held.items():
         chosen[:, i] = value
     if not np.all(np.isfinite(chosen)):
         raise ValueError("no solution of the inverse kinematics stays within the limits of the coordinates")
-    if found.jump is not None:
-        k = found.jump
+    if result.jump is not None:
+        k = result.jump
         at = configurations.singularities(k) or configurations.singularities(k + 1) or ("no singularity",)
-        raise ValueError(f"{_where(points[k], found.t[k])}: every solution jumps there ({', '.join(at)})")
+        raise ValueError(f"{_where(points[k], result.t[k])}: every solution jumps there ({', '.join(at)})")
     active = tuple(i for i in range(n) if i not in held)
-    curve = ToolCurve(tool, machine.inverse, angular, active, found.t, chosen, _terms(machine, active))
+    curve = ToolCurve(tool, machine.inverse, angular, active, result.t, chosen, _terms(machine, active))
     _check_velocities(curve, configurations, points)
     notes: tuple[str, ...] = ()
     if len(configurations.branches) > 1:
-        used, every = (", then ".join(found.branches), "; ".join(configurations.branches))
+        used, every = (", then ".join(result.branches), "; ".join(configurations.branches))
         notes = (f"inverse kinematics: {used} (of the branches {every})",)
     times, breaks = np.union1d(law.times, knots), np.union1d(law.breaks, knots[1:-1])
     smoothness = min(law.smoothness, 3.0)

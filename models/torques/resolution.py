@@ -56,16 +56,16 @@ def refine(t: Array, values: Array, evaluate: Callable[[Array], Array], watched:
         scale = peaks[-1]
         for fraction in PROBES:
             at = first[0] + fraction * width
-            found = evaluate(at)
-            scale = np.maximum(scale, np.max(np.abs(found), axis=0))
-            probed.append((at, found))
-        for fraction, (_, found) in zip(PROBES, probed, strict=True):
-            apart = np.abs(found - first[1] - fraction * change)[:, watched]
+            result = evaluate(at)
+            scale = np.maximum(scale, np.max(np.abs(result), axis=0))
+            probed.append((at, result))
+        for fraction, (_, result) in zip(PROBES, probed, strict=True):
+            apart = np.abs(result - first[1] - fraction * change)[:, watched]
             bent |= np.any(apart > TOLERANCE * np.maximum(scale, 1e-9 * np.max(scale))[watched], axis=1)
         peaks.append(scale)
-        for at, found in probed:
+        for at, result in probed:
             times.append(at)
-            parts.append(found)
+            parts.append(result)
             added += len(at)
         ends = [first, *probed, last]
         # A step of the width of rounding cannot be split.

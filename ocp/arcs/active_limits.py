@@ -28,7 +28,7 @@ def pressing(nlp: ArcNlp, motion: ArcMotion) -> tuple[Crossing, ...]:
     result, inner, scaling = motion.result, nlp.nlp, nlp.nlp.scaling
     seconds, starts = motion.duration * motion.grid.widths, motion.duration * motion.grid.ends[:-1]
     parts = {part: index for index, part in enumerate(inner.path_parts)}
-    cost, found = max(abs(result.cost), 1e-300), list[Crossing]()
+    cost, results = max(abs(result.cost), 1e-300), list[Crossing]()
     for number, limit in enumerate(task.limits):
         if limit.state >= 0:
             rows = inner.layout.state[:, 1:, limit.state]
@@ -48,8 +48,8 @@ def pressing(nlp: ArcNlp, motion: ArcMotion) -> tuple[Crossing, ...]:
             near = near | np.append(near[1:], False) | np.append(False, near[:-1])
             values[near & (np.max(side * values, axis=1) > 0.0)] = 0.0
         t = starts[:, None] + seconds[:, None] * tau
-        found += _runs(values * limit.range / cost, t, number)
-    return tuple(sorted(found, key=lambda crossing: -crossing.share))
+        results += _runs(values * limit.range / cost, t, number)
+    return tuple(sorted(results, key=lambda crossing: -crossing.share))
 
 
 def _runs(values: Array, t: Array, number: int) -> list[Crossing]:

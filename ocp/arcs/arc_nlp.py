@@ -105,50 +105,50 @@ class ArcNlp:
         if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
             # More equations than unknowns, and no simultaneous switches that could make some equations dependent.
             nothing, reason = np.zeros(len(rows_low)), "fewer unknowns than conditions"
-            answer = NlpResult(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, reason, 0, 0.0, 0.0, {})
+            result = NlpResult(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, reason, 0, 0.0, 0.0, {})
         elif self.equations is not None:
-            answer = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
+            result = self.equations.solve(np.clip(z0, low, high), np.append(self.task.numbers, self._widths), sides)
         else:
             assert self.solver is not None
             numbers = np.append(self.task.numbers, self._widths)
             # CasADi prints that there are more equations than unknowns; here some follow from others.
             more = np.sum(rows_low == rows_high) > np.sum(low < high)
             with contextlib.redirect_stderr(io.StringIO()) if more else contextlib.nullcontext():
-                answer = self.solver(np.clip(z0, low, high), numbers, sides)
-            point = answer.z, numbers, answer.multipliers
+                result = self.solver(np.clip(z0, low, high), numbers, sides)
+            point = result.z, numbers, result.multipliers
             chosen = (
                 chosen_multipliers(self.task, self.nlp, self.arcs, self.arc_layout.arc, point, sides)
-                if answer.status is Status.SOLVED else None
+                if result.status is Status.SOLVED else None
             )  # fmt: skip
-            answer = answer if chosen is None else replace(answer, multipliers=chosen)
-        return self._motion(answer, self.setup + time.perf_counter() - begun - answer.seconds)
+            result = result if chosen is None else replace(result, multipliers=chosen)
+        return self._motion(result, self.setup + time.perf_counter() - begun - result.seconds)
 
     @property
     def _widths(self) -> Array:
         """(N,) widths of the elements as shares of the duration of their arc."""
         return 1.0 / np.repeat(self.elements, self.elements)
 
-    def _motion(self, answer: NlpResult, setup: float) -> ArcMotion:
+    def _motion(self, results: NlpResult, setup: float) -> ArcMotion:
         nlp, layout, scaling, arc = (
             self.nlp,
             self.nlp.layout,
             self.nlp.scaling,
             self.arc_layout.arc,
         )
-        result = np.maximum(answer.z[layout.horizon] * scaling.horizon, 0.0)
+        result = np.maximum(results.z[layout.horizon] * scaling.horizon, 0.0)
         done = tuple(replace(a, duration=float(t)) for a, t in zip(self.arcs, result, strict=True))
-        states, controls = answer.z[layout.state] * scaling.x, answer.z[layout.control] * scaling.u
+        states, controls = results.z[layout.state] * scaling.x, results.z[layout.control] * scaling.u
         parameters = np.array(self.task.numbers)
-        parameters[nlp.free] = answer.z[layout.free] * scaling.free
-        scheme, mu = self.task.scheme, answer.multipliers[nlp.defects]
+        parameters[nlp.free] = results.z[layout.free] * scaling.free
+        scheme, mu = self.task.scheme, results.multipliers[nlp.defects]
         costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
         grid = _grid(result, arc, self._widths)
         limit_multipliers, jumps = adjoin_directly(
-            self.task.limits, self.conditions, nlp, answer, (states, controls, costates), grid, parameters
+            self.task.limits, self.conditions, nlp, results, (states, controls, costates), grid, parameters
         )
         penalty = sum(value_of(p, controls, grid.widths * result.sum()) for p in self.arc_layout.penalties)
         return ArcMotion(
-            done, answer, grid, arc, states, controls, costates, limit_multipliers, jumps, nlp.free, parameters, setup,
+            done, results, grid, arc, states, controls, costates, limit_multipliers, jumps, nlp.free, parameters, setup,
             penalty,
         )  # fmt: skip
 

@@ -56,7 +56,7 @@ class LimitCondition:
 
 
 def adjoin_directly(
-    limits: tuple[StateLimit, ...], conditions: tuple[LimitCondition, ...], nlp: Nlp, answer: NlpResult,
+    limits: tuple[StateLimit, ...], conditions: tuple[LimitCondition, ...], nlp: Nlp, results: NlpResult,
     motion: tuple[Array, Array, Array], grid: Grid, numbers: Array,
 ) -> tuple[tuple[LimitMultiplier, ...], tuple[Jump, ...]]:  # fmt: skip
     """Turn the costates of the index-reduced problem into those with the state limits adjoined directly, in place.
@@ -67,7 +67,7 @@ def adjoin_directly(
     """
     scheme = nlp.scheme
     states, controls, costates = motion
-    seconds = grid.widths * sum(answer.z[nlp.layout.horizon]) * nlp.scaling.horizon
+    seconds = grid.widths * sum(results.z[nlp.layout.horizon]) * nlp.scaling.horizon
     at_points = list(scheme.at)
     limit_multipliers: list[LimitMultiplier] = []
     jumps: list[Jump] = []
@@ -80,7 +80,7 @@ def adjoin_directly(
         if not own.along:
             continue
         h = seconds[elements][:, None]
-        raw = answer.multipliers[rows[:, :, 0]]
+        raw = results.multipliers[rows[:, :, 0]]
         rates = [raw / own.condition.scale[0] / (scheme.weights * h)]
         for _ in range(order):
             rates.append(rates[-1] @ slopes / h)
@@ -100,7 +100,7 @@ def adjoin_directly(
         limit_multipliers.append(LimitMultiplier(own.arc, own.contact, (-1) ** order * rates[-1]))
     for own, rows in zip(conditions, nlp.conditions, strict=True):
         if not own.along and own.order == 0:
-            push = float(answer.multipliers[rows[0, 0, 0]] / own.condition.scale[0])
+            push = float(results.multipliers[rows[0, 0, 0]] / own.condition.scale[0])
             jumps.append(Jump(own.arc, own.contact, push - entering.get((own.arc, own.contact), 0.0)))
     stays = {(arc, contact.limit, contact.side, contact.control) for arc, contact in entering}
     for (k, contact), height in leaving.items():

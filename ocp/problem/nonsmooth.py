@@ -99,8 +99,8 @@ def kinks(problem: Problem) -> list[tuple[str, str]]:
     for constraint in problem.subject_to:
         each = zip(problem.labels(constraint), ca.vertsplit(constraint.expression), strict=True)
         parts += [(label.name, component) for label, component in each]
-    found = dict.fromkeys((name, kink) for name, part in parts for kink in _of(part, system))
-    return list(found)
+    result = dict.fromkeys((name, kink) for name, part in parts for kink in _of(part, system))
+    return list(result)
 
 
 def _of(expression: ca.SX, system: System) -> list[str]:

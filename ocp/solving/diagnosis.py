@@ -50,10 +50,10 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 def _kinked(problem: Problem) -> list[str]:
     """Return a sentence about functions without a derivative somewhere; Newton's method stops at such places."""
-    found = kinks(problem)
-    if not found:
+    result = kinks(problem)
+    if not result:
         return []
-    named = ", ".join(f"{name} ({function})" for name, function in found[:NAMED])
+    named = ", ".join(f"{name} ({function})" for name, function in result[:NAMED])
     return [
         f"{named} has no derivative everywhere, where the solver may stop; state |e| and max(e, 0) by "
         "ocp.absolute and ocp.positive_part, which are exact, and other jumps by a smooth function"

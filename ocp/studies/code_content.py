@@ -69,12 +69,12 @@ def of_function(function: types.FunctionType, above: tuple[int, ...], walk: Walk
     yield from walk.chunks(code, above)
     yield from walk.chunks((function.__defaults__, function.__kwdefaults__), above)
     names = _names(code)
-    found = {name: scope[name] for name in sorted(names & scope.keys())}
-    yield from walk.named(found, above)
+    results = {name: scope[name] for name in sorted(names & scope.keys())}
+    yield from walk.named(results, above)
     attributes = {name: value for name, value in vars(function).items() if name != "__wrapped__"}
     if attributes:
         yield from walk.chunks(attributes, above)
-    for name, value in found.items():
+    for name, value in results.items():
         if isinstance(value, types.ModuleType) and not is_installed(value.__name__):
             yield from _members(name, value, names, above, walk)
     for name in sorted(_imports(code, str(scope.get("__package__") or ""))):
@@ -205,10 +205,10 @@ def _files(module: str) -> set[Path]:
     results: set[Path] = set()
     waiting, known = [module], {module}
     while waiting:
-        found = _file(waiting.pop())
-        if found is not None and found[0] not in results:
-            results.add(found[0])
-            more = _imported_by(*found) - known
+        result = _file(waiting.pop())
+        if result is not None and result[0] not in results:
+            results.add(result[0])
+            more = _imported_by(*result) - known
             known |= more
             waiting += sorted(more)
     return results

@@ -49,8 +49,8 @@ class Inner:
         g_z, v_z, v_y = (put(ca.jacobian(*pair)) for pair in ((g, z), (v, z), (v, y)))
         y_z = -ca.horzcat(*(self._solved(g_z[:, k]) for k in range(z.numel())))
         hessian = ca.hessian(ca.dot(mu, v) - ca.dot(nu, g), ca.vertcat(z, y))[0]
-        found = self.solve(ca.densify(v_y.T @ mu))
-        hessian = ca.sparsify(ca.substitute(hessian, ca.vertcat(y, nu), ca.vertcat(self.explicit, found)))
+        result = self.solve(ca.densify(v_y.T @ mu))
+        hessian = ca.sparsify(ca.substitute(hessian, ca.vertcat(y, nu), ca.vertcat(self.explicit, result)))
         frame = ca.sparsify(ca.vertcat(ca.SX.eye(z.numel()), y_z))
         return v_z + v_y @ y_z, frame.T @ hessian @ frame
 

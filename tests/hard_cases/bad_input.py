@@ -36,14 +36,14 @@ def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[F
 
 
 def _pairs() -> Iterator[Figure]:
-    for _, result in groupby(input_pairs.answers(), key=lambda answer: answer[0]):
+    for _, result in groupby(input_pairs.answers(), key=lambda results: results[0]):
         yield figure(result)
 
 
 def _files() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         every = (*input_files.answers(Path(folder)), *input_stores.answers(Path(folder)))
-        for _, result in groupby(every, key=lambda answer: answer[0]):
+        for _, result in groupby(every, key=lambda results: results[0]):
             yield figure(result)
 
 
