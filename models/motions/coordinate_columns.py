@@ -9,6 +9,7 @@ import numpy as np
 
 from models.motions.plausibility import ANGLE
 from models.motions.recording import Recording
+from ocp import checks
 from ocp.checks import Array
 from ocp.system import Label
 
@@ -41,6 +42,20 @@ class Columns:
 def is_time(name: str) -> bool:
     """Whether a column is the time by its name."""
     return name.lower() in TIME
+
+
+def check_joints(joints: object) -> Mapping[str, str] | None:
+    """Return a map from names in a file to names of coordinates, or None.
+
+    Raises:
+        TypeError: no mapping.
+        ValueError: a name that is no string.
+    """
+    wanted = "a dict name in the file -> name of the coordinate, or None"
+    checks.instance("joints", joints, Mapping | None, wanted)
+    if isinstance(joints, Mapping) and not all(isinstance(one, str) for pair in joints.items() for one in pair):
+        raise checks.refused("joints", joints, wanted)
+    return joints  # type: ignore[return-value]
 
 
 def renamed(header: Header, joints: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -12,6 +12,7 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect
 from models.motions import profiles
+from models.motions.coordinate_columns import check_joints
 from models.motions.coordinate_labels import check_labels, labels_of, numbered
 from models.motions.csv_tables import read_csv
 from models.motions.function_curves import ExpressionCurve, FunctionCurve
@@ -203,7 +204,7 @@ class Motion:
         joints: Mapping[str, str] | None = None,
     ) -> Motion:
         """Return the motion of a CSV table; see `models.motions.csv_tables.read_csv` and `from_samples`."""
-        return cls.recorded(read_csv(path, labels_of(machine), joints), noise=noise)
+        return cls.recorded(read_csv(path, labels_of(machine), check_joints(joints)), noise=noise)
 
     @classmethod
     def from_trajectory(
@@ -216,7 +217,7 @@ class Motion:
     ) -> Motion:
         """Return the motion of a ROS JointTrajectory file; see `models.motions.ros_trajectory.read_trajectory`."""
         labels = labels_of(machine)
-        result = read_trajectory(path, [label.name for label in labels], joints)
+        result = read_trajectory(path, [label.name for label in labels], check_joints(joints))
         return cls.recorded(named(result, labels), noise=noise)
 
     @classmethod

@@ -44,12 +44,15 @@ class Motor:
 
     def __post_init__(self) -> None:
         checks.text("Motor: name", self.name, "a name")
-        for name in ("inertia", "rated", "peak", "speed"):
-            checks.number(f"Motor: {name}", getattr(self, name), "a number > 0", above=0.0, finite=False)
+        for name in ("inertia", "rated"):
+            checks.number(f"Motor: {name}", getattr(self, name), "a finite number > 0", above=0.0)
+        for name in ("peak", "speed"):
+            checks.number(f"Motor: {name}", getattr(self, name), "a number > 0 or inf", above=0.0, finite=False)
         if self.constant is not None:
             checks.number("Motor: constant", self.constant, "a number > 0, or None", above=0.0)
         if self.peak < self.rated:
-            raise ValueError(f"Motor: peak {self.peak:g} N m is below rated {self.rated:g} N m")
+            wanted = f"at least the rated torque of {self.rated:g} N m"
+            raise checks.refused("Motor: peak", self.peak, wanted)
 
 
 @dataclass(frozen=True)
@@ -106,20 +109,21 @@ def size_gears(
     Source: F. Roos, H. Johansson, J. Wikander, Optimal selection of motor and gearhead in mechatronic applications,
         Mechatronics 16 (2006).
     """
-    n = len(table.machine.coordinates)
-    drive = checks.whole("drive", drive, 0, n - 1)
+    checks.instance("table", table, TorqueTable, "a TorqueTable, as motion.torques(machine, effects) returns")
+    drive = checks.whole("drive", drive, 0, len(table.machine.coordinates) - 1)
     column = checks.column("ratios", ratios, expected="gear ratios > 0")
-    if np.any(column <= 0.0):
-        raise checks.refused("ratios", ratios, "gear ratios > 0")
+    if np.any(column < checks.SMALLEST):
+        raise checks.refused("ratios", ratios, f"gear ratios > 0, {checks.RANGE}")
     eta = checks.number("efficiency", efficiency, "a number in (0, 1]", above=0.0)
     if eta > 1.0:
         raise checks.refused("efficiency", efficiency, "a number in (0, 1]")
-    if not motors:
-        raise ValueError("motors: got none, expected at least one")
+    candidates = checks.several("motors", motors, "a list of Motors, at least one")
+    if not candidates or not all(isinstance(motor, Motor) for motor in candidates):
+        raise checks.refused("motors", motors, "a list of Motors, at least one")
     t, v, a, tau, inertia = _load(table, drive)
     driving = np.where(tau * v >= 0.0, 1.0 / eta, eta)
     results = []
-    for motor in motors:
+    for motor in candidates:
         for ratio in column:
             torque = motor.inertia * ratio * a + tau * driving / ratio
             power = torque * ratio * v

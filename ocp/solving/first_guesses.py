@@ -23,6 +23,8 @@ SMOOTH_PLACES = 41  # points of a smooth motion
 STRETCHES = 16  # how often the duration is lengthened at most, until the controls satisfy their bounds
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20  # first duration and smallest factor of one lengthening
 SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # factor and number of shortenings, as long as all limits are satisfied
+NEGLIGIBLE = 1e-9  # share of the largest rate that is rounding
+MENDED = 1e-3  # share of the rate that the controls can cause directly: a smaller miss is mended by them
 ROUGH = 0.2  # share of its largest rate by which a state of a guess may miss the equations of motion
 ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and relative residual that ends it
 
@@ -73,7 +75,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
         path, kept = _path(first, last, len(layers)), _keeping(problem, p)
         for count in range(SHORTENINGS if np.any(first != last) else 0):
             trial = _follow(problem, path, duration, layers, p, function)
-            if not (kept(trial) and _is_motion(trial, p, function)):
+            if not (kept(trial) and _is_motion(problem, trial, p, function)):
                 # The loop below lengthens the motion by the factor that the controls need.
                 duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
                 break
@@ -128,18 +130,29 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
 
 
-def _is_motion(guess: Guess, p: ca.DM, function: ca.Function) -> bool:
+def _is_motion(problem: Problem, guess: Guess, p: ca.DM, function: ca.Function) -> bool:
     """Return whether a guess satisfies the equations of motion roughly: the controls can cause its rates.
 
+    A state may miss its rate by ROUGH of its largest one. Rounding of the state does not count, nor a miss of
+    less than MENDED of what the controls can cause directly.
+
     Args:
+        problem: one phase.
         guess: at SMOOTH_PLACES times.
         p: values of the parameters.
         function: slopes of the system, mapped.
     """
-    rate = np.array(function(guess.x.T, guess.u.T, ca.repmat(p, 1, len(guess.share)))[0]).T
-    moved = np.diff(guess.x, axis=0) / (guess.duration * np.diff(guess.share))[:, None]
-    missed = np.max(np.abs(moved - (rate[:-1] + rate[1:]) / 2.0), axis=0)
-    return bool(np.all(missed <= ROUGH * np.max(np.abs(moved), axis=0) + 1e-9 * np.max(np.abs(moved), initial=0.0)))
+    f, _, by_u = (np.array(part).T for part in function(guess.x.T, guess.u.T, ca.repmat(p, 1, len(guess.share))))
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    largest = np.max(np.abs([np.where(np.isfinite(side), side, 0.0) for side in (low, high)]), axis=0, initial=0.0)
+    most = np.maximum(largest, np.max(np.abs(guess.u), axis=0))
+    effect = np.abs(by_u.reshape(len(guess.share), len(low), -1)) * most[:, None]
+    steps = guess.duration * np.diff(guess.share)
+    moved = np.diff(guess.x, axis=0) / steps[:, None]
+    missed = np.max(np.abs(moved - (f[:-1] + f[1:]) / 2.0), axis=0)
+    rounding = 8.0 * np.finfo(float).eps * np.max(np.abs(guess.x), axis=0) / np.min(steps)
+    allowed = ROUGH * np.max(np.abs(moved), axis=0) + NEGLIGIBLE * np.max(np.abs(moved), initial=0.0)
+    return bool(np.all(missed <= allowed + rounding + MENDED * np.max(effect.sum(axis=1), axis=0)))
 
 
 def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:

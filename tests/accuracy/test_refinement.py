@@ -118,6 +118,11 @@ def test_finish_is_the_last_rung_if_it_is_better():
 
 
 def test_multipliers_save_iterations_along_the_ladder():
-    steps = ladder(problems.two_link, 1e-6)
-    cold = [solve(step.problem, step.scheme, step.grid, Ipopt(tol=1e-10)).iterations for step in steps[1:]]
-    assert sum(step.iterations for step in steps[1:]) < sum(cold)
+    """A third of the iterations of cold starts is saved over all ladders; single steps may take more."""
+    warm = cold = 0
+    for make in (problems.cops, problems.two_link, problems.lift_fastest):
+        for scheme in (None, COLLOCATED):
+            steps = ladder(make, 1e-6, scheme)[1:]
+            warm += sum(step.iterations for step in steps)
+            cold += sum(solve(step.problem, step.scheme, step.grid, Ipopt(tol=1e-10)).iterations for step in steps)
+    assert warm < 2.0 / 3.0 * cold

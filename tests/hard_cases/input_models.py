@@ -90,6 +90,9 @@ def acting() -> tuple[Call, ...]:
         "ElasticDrive": {
             "stiffness": A(1e4, some - each), "inertia": A(1.0, some - each),
             "damping": A(0.0, many | zero | {"nones"})},
+        "GearEfficiency": {
+            "efficiency": A(0.9, frozenset({"half", "nones", "falling", "none"})),
+            "width": A(0.02, many - each | {"nones"}), "torque": A(0.1, many - each | {"nones"})},
         "Gravity": {"g": A(9.81, REAL), "direction": vector},
         "JointStop": {
             "lower": A(-1.0, some | REAL), "upper": A(1.0, some | REAL), "stiffness": A(1e5, many - each | {"nones"}),
@@ -133,11 +136,16 @@ def motions() -> tuple[Call, ...]:
     noise = A(None, OPTIONAL | AT_LEAST_ZERO)
     line = models.line([0.4, 0.3, 0.5], [0.5, 0.4, 0.6])
     law = Motion.trapezoidal(0.0, line.length, 0.5, 2.0)
-    inverse = {"near": A(None, OPTIONAL | {"falling"}), "hold": A(None, MAP), "limits": A(None, OPTIONAL)}
+    inverse = {
+        "near": A(None, OPTIONAL | {"falling"}),
+        "hold": A(None, MAP),
+        "limits": A(None, OPTIONAL),
+        "branch": A(None, OPTIONAL),
+    }
     point = A([1.0, 0.0, 0.0], frozenset({"falling"}))
     path = models.path_through(q)
     floor = models.path_system(arm, example.NUMBERS, path)
-    files = {"machine": A(arm, OPTIONAL), "noise": noise}
+    files = {"machine": A(arm, OPTIONAL), "noise": noise, "joints": A(None, MAP)}
     table = motion.torques(arm, example.EFFECTS, times=[0.0, 0.2, 0.4], values={"gravity.g": 9.0})
     return (
         *(Call(f"Motion.{name}", getattr(motion, name), {"t": at}) for name in ("q", "v", "a", "jerk")),
@@ -158,9 +166,16 @@ def motions() -> tuple[Call, ...]:
             "ends": A(None, OPTIONAL)}),
         Call("Motion.from_samples", Motion.from_samples, {
             "t": A(noisy.times), "q": A(noisy.samples), "v": A(None, OPTIONAL),
-            "a": A(None, OPTIONAL), "noise": noise, "labels": A(None, OPTIONAL)}),
+            "a": A(None, OPTIONAL), "noise": noise, "labels": A((), LIST)}),
         Call("Motion.from_csv", Motion.from_csv, {"path": A(_written("csv")), **files}),
         Call("Motion.from_trajectory", Motion.from_trajectory, {"path": A(_written("json")), **files}),
+        Call("models.Motor", models.Motor, {
+            "name": A("M1", ANY_TEXT), "inertia": A(1e-4, POSITIVE), "rated": A(1.0, POSITIVE), "peak": A(3.0, BOUND),
+            "speed": A(500.0, BOUND), "constant": A(0.1, POSITIVE | OPTIONAL)}),
+        Call("models.size_gears", models.size_gears, {
+            "table": A(motion.torques(arm, example.NUMBERS)), "drive": A(0, frozenset({"zero"})),
+            "motors": A([models.Motor("M1", 1e-4, 1.0)]), "ratios": A([100.0], frozenset({"long", "half"})),
+            "efficiency": A(0.9, POSITIVE)}),
         Call("Motion.of", Motion.of, {"solution": A(example.solution()), "system": A(None, OPTIONAL)}),
         Call("Motion.of_time", Motion.of_time, {
             "q": A(lambda t: t), "end": A(1.0, POSITIVE), "start": A(0.0, REAL), "v": A(None, OPTIONAL | {"function"}),

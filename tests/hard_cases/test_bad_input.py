@@ -23,7 +23,7 @@ MADE = {
         "Report", "Scheme", "Sensitivity", "SequenceSolution", "Solution", "StoreError", "Structure", "StudyTable",
         "Timings", "Trajectory",
     },
-    "models": {"DriveLoad", "Estimate", "Manipulator", "Motion", "TorqueTable"},
+    "models": {"DriveLoad", "Estimate", "Manipulator", "Motion", "Sizing", "TorqueTable"},
 }  # fmt: skip
 PROTOCOLS = {"ocp.Tolerance"}
 # Methods by which an effect takes part in estimates (see models/mechanics/contributions.py): the package calls them.
