@@ -68,8 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         files = write(options, motion, table, scene, (limits, signals), account, say)
     except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
         sentence = " ".join(str(error).split()) or type(error).__name__
-        told = f" (the machine is {options_machine(options)}, {assumed})" if isinstance(error, ValueError) else ""
-        print(f"torques: {sentence}{told if assumed else ''}", file=sys.stderr)
+        assumption = f" (the machine is {options_machine(options)}, {assumed})" if isinstance(error, ValueError) else ""
+        print(f"torques: {sentence}{assumption if assumed else ''}", file=sys.stderr)
         return 2
     if options.json:
         print(json.dumps(plain(account), indent=2, allow_nan=False))

@@ -151,10 +151,10 @@ def as_recording(
         parts.append(values * [UNITS[base][0] if base else 1.0 for base in units])
     unused = [name for k, (name, _) in enumerate(header) if k not in columns.used and "tau_" not in name]
     # Columns after the torques are parts of them, in a table of this project.
-    told = f"columns left out: {', '.join(unused[:8])}{' ...' if len(unused) > 8 else ''}"
+    note = f"columns left out: {', '.join(unused[:8])}{' ...' if len(unused) > 8 else ''}"
     q, v, a = parts
     assert q is not None
-    result = (*notes, told) if unused else notes
+    result = (*notes, note) if unused else notes
     return Recording(table[:, 0] * TIMES[unit], q, v, a if v is not None else None, tuple(labels), result, stated)
 
 

@@ -29,7 +29,7 @@ class Recording:
         v, a: (K, n) or None.
         labels: name and unit of every coordinate; the unit may be empty.
         notes: sentences about what was read.
-        stated: whether the source states the units; otherwise positions that look like degrees or millimetres are
+        stated: whether the file states the units; otherwise positions that look like degrees or millimetres are
             refused when torques are computed.
 
     Raises:

@@ -21,7 +21,7 @@ CLOSE = 2.0  # knots are refined to this multiple of the length over which the s
 TRIALS = 9  # strengths compared at once
 # Strengths are searched over these decades, relative to the ratio of the two matrices.
 DECADES = (-8.0, 11.0)
-NEIGHBOURHOOD = (-4.0, 0.8)  # decades, once coarser knots have given a first answer
+NEIGHBOURHOOD = (-4.0, 0.8)  # decades, once coarser knots have given a first fit
 ENOUGH = 0.1  # decades; the likelihood is flat around its maximum
 ALL = 0.99  # share of the samples; a fit with more degrees of freedom has no noise left
 # The residual of a fit never counts as smaller than this share of the range of the samples.
@@ -62,9 +62,10 @@ class Smoothed:
         return np.asarray(result * self.noise[:, None, None] ** 2)
 
     def notes(self, labels: tuple[Label, ...]) -> list[str]:
-        """Say which coordinates have a noise that cannot be told from the motion."""
+        """Say which coordinates have a noise that cannot be distinguished from the motion."""
         return [
-            f"{label.name}: the spline follows every sample, so that its noise cannot be told from the motion; give it"
+            f"{label.name}: the spline follows every sample, so that its noise cannot be distinguished from the "
+            "motion; give it"
             for label, free in zip(labels, self.freedom, strict=True)
             if free > ALL * self.samples
         ]

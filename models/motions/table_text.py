@@ -163,8 +163,8 @@ def _explain(stream: BinaryIO, layout: Layout, columns: Sequence[int]) -> None:
             raise ValueError(f"line {number} has {len(cells)} columns, the header has {len(layout.header)}")
         bad = next((cells[k].strip() for k in columns if not is_number(cells[k])), None)
         if bad is not None:
-            told = checks.shown(bad[:40]) if bad else "an empty cell"
-            raise ValueError(f"line {number}: {told} is no number")
+            got = checks.shown(bad[:40]) if bad else "an empty cell"
+            raise ValueError(f"line {number}: {got} is no number")
 
 
 def _separator(text: str) -> str:

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.problem.constraints import Where, simple
+from ocp.problem.constraints import Where, row_components
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 from ocp.transcription.schemes.scheme import Control, Scheme
@@ -88,10 +88,8 @@ def _rows(problem: Problem, scheme: Scheme) -> list[tuple[int, int, int]]:
     for i, constraint in enumerate(problem.subject_to):
         if constraint.where is not Where.ALONG:
             continue
-        bounds = {c for _, c in simple(constraint, ca.vertcat(system.x, system.u, system.p))}
-        for c in range(constraint.expression.numel()):
+        for c in row_components(constraint, system):
             jumps = ca.depends_on(constraint.expression[c], system.u) and scheme.control is not Control.LINEAR
             both = points | {0.0, 1.0} if scheme.control is Control.CONSTANT else points
-            if c not in bounds:
-                results.append((i, c, len(both if jumps else (points | {1.0}) - {0.0})))
+            results.append((i, c, len(both if jumps else (points | {1.0}) - {0.0})))
     return results

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import probes
 from ocp.solution.solution import Status
 from ocp.solving.nlp_solver import NlpResult
 from ocp.transcription.nlp import Nlp
@@ -120,7 +121,7 @@ def as_equations(nlp: Nlp, sides: Sides) -> Equations | None:
     # The directions that the equations leave free move the switches, as a rule.
     durations = np.searchsorted(unknowns, nlp.layout.horizon)
     border = ca.DM(free, len(unknowns))
-    border[:, durations.tolist()] = np.random.default_rng(1).uniform(0.5, 1.5, (free, len(durations)))
+    border[:, durations.tolist()] = probes((free, len(durations)), 0.5, 1.5)
     pattern = nlp.derivatives["jac_g"].sparsity_out(1)
     chosen = ca.DM(pattern, 1.0)[:, unknowns.tolist()]
     return Equations(nlp, unknowns.tolist(), border, ca.Linsol("linear", "qr", ca.vertcat(chosen, border).sparsity()))

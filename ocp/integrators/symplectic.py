@@ -22,6 +22,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.integrators.contracts import symbols
+from ocp.numerics.arrays import probes
 from ocp.numerics.newton import root
 from ocp.system import System
 
@@ -115,10 +116,9 @@ class StoermerVerlet:
 
     def _check(self, system: System) -> None:
         """Raise ValueError unless the equations are canonical at sampled states."""
-        rng = np.random.default_rng(20260101)
         p = system.values()
-        nx, nu = system.x.numel(), system.u.numel()
-        results = [asymmetry(system, rng.uniform(0.3, 1.7, nx), rng.uniform(-1.0, 1.0, nu), p) for _ in range(SAMPLES)]
+        states, controls = probes((SAMPLES, system.x.numel()), 0.3, 1.7), probes((SAMPLES, system.u.numel()), -1.0, 1.0)
+        results = [asymmetry(system, x, u, p) for x, u in zip(states, controls, strict=True)]
         worst = max((value for value in results if np.isfinite(value)), default=0.0)
         if worst > ROUNDING:
             raise ValueError(

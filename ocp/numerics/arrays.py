@@ -1,4 +1,4 @@
-"""Arrays of quantities with units."""
+"""Arrays: quantities with units, and points at which structure is decided by numbers."""
 
 from __future__ import annotations
 
@@ -21,3 +21,11 @@ def largest_of_unit(values: Array, units: Sequence[str]) -> Array:
     """
     names = np.array(units, dtype=object)
     return np.array([np.max(values[names == unit]) for unit in units], dtype=float)
+
+
+def probes(shape: tuple[int, ...], low: float, high: float) -> Array:
+    """Return scattered numbers between two values, the same ones in every run.
+
+    Graphs that look different may have equal values: structure is decided by values at such points.
+    """
+    return np.random.default_rng(1).uniform(low, high, shape)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.system import System
 
 
 class Where(Enum):
@@ -110,6 +111,18 @@ def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
         for c, component in enumerate(ca.vertsplit(constraint.expression))
         if component.is_symbolic() and component.element_hash() in place
     ]
+
+
+def row_components(constraint: Constraint, system: System) -> tuple[int, ...]:
+    """Return the components of a constraint that become rows of the NLP; the others are bounds of single unknowns.
+
+    Unknowns are states, controls and parameters along the motion, and states at its ends.
+    """
+    if constraint.where is Where.PERIODIC:
+        return tuple(range(constraint.expression.numel()))
+    along_motion = constraint.where is Where.ALONG
+    bounds = simple(constraint, ca.vertcat(system.x, system.u, system.p) if along_motion else system.x)
+    return tuple(sorted(set(range(constraint.expression.numel())) - {c for _, c in bounds}))
 
 
 def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from ocp.problem.constraints import Where, simple
+from ocp.problem.constraints import Where, row_components
 from ocp.problem.problem import Problem
 
 HIGHEST = 4  # order up to which derivatives are formed
@@ -45,13 +45,11 @@ def path_equalities(problem: Problem) -> tuple[PathEquality, ...]:
         Algebraic Equations, 9.2 (index reduction).
     """
     system, results = problem.system, []
-    unknowns = ca.vertcat(system.x, system.u, system.p)
     for i, constraint in enumerate(problem.subject_to):
         if constraint.where is not Where.ALONG:
             continue
-        bounds = {c for _, c in simple(constraint, unknowns)}
-        for c in range(constraint.expression.numel()):
-            if c in bounds or constraint.lower[c] != constraint.upper[c]:
+        for c in row_components(constraint, system):
+            if constraint.lower[c] != constraint.upper[c]:
                 continue
             chain = [constraint.expression[c] - float(constraint.lower[c])]
             while not ca.depends_on(chain[-1], system.u) and len(chain) <= HIGHEST:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.problem.constraints import Constraint, Where, along, simple, start
+from ocp.problem.constraints import Constraint, Where, along, row_components, simple, start
 from ocp.problem.integral_constraints import with_integrals
 from ocp.system import Label, System
 
@@ -209,10 +209,10 @@ def _same_equations(problem: Problem, one: Constraint, other: Constraint) -> boo
     system = problem.system
     if one.where is not Where.ALONG:
         return True
-    bounds = {c for _, c in simple(one, ca.vertcat(system.x, system.u, system.p))}
+    rows = row_components(one, system)
     pairs = [[(float(a), float(b)) for a, b in zip(part.lower, part.upper, strict=True)] for part in (one, other)]
     return all(
-        c in bounds or ((a[0] == a[1]) == (b[0] == b[1]) and (a[0] != a[1] or a == b))
+        c not in rows or ((a[0] == a[1]) == (b[0] == b[1]) and (a[0] != a[1] or a == b))
         for c, (a, b) in enumerate(zip(*pairs, strict=True))
     )
 

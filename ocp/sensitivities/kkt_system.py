@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import probes
 from ocp.transcription.layout import Layout
 from ocp.transcription.nlp import Nlp
 
@@ -211,7 +212,7 @@ class Linearised:
         b = np.zeros((len(order), right.shape[1] + 1))
         b[known, :-1] = right[order[known]]
         b *= self.scale[:, None]
-        random = np.random.default_rng(0).normal(size=len(order))
+        random = probes((len(order),), -1.0, 1.0)
         b[:, -1] = self._product(random[:, None])[:, 0]
         size = np.max(np.abs(b), axis=0, initial=1e-300)
         # Every call of the solver factorises again.

@@ -173,9 +173,9 @@ def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
 def _room(problem: Problem, path: Array, state: int) -> float:
     """Return how far a state without limits may stray: a radian, or as far as others of its unit move."""
     units = [label.unit for label in problem.system.label("x", path.shape[1])]
-    alike = [float(np.ptp(path[:, i])) for i, unit in enumerate(units) if unit == units[state]]
+    same = [float(np.ptp(path[:, i])) for i, unit in enumerate(units) if unit == units[state]]
     own = float(np.ptp(path[:, state]))
-    return own + (1.0 if units[state] in ("rad", "") else max(alike))
+    return own + (1.0 if units[state] in ("rad", "") else max(same))
 
 
 def _use(u: Array, low: Array, high: Array) -> float:

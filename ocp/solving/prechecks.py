@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.arrays import largest_of_unit, probes
 from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
@@ -108,7 +108,7 @@ def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
     lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
     # Which expression is the rate of which state is decided by numerical values, since equal graphs may look different.
     everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
-    draws = np.random.default_rng(1).uniform(0.3, 0.9, (4, system.x.numel() + system.u.numel()))
+    draws = probes((4, system.x.numel() + system.u.numel()), 0.3, 0.9)
     seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
     rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
     labels = _labels(phase, "x", system.x)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.compilation import Compile
-from ocp.problem.constraints import Where, simple
+from ocp.problem.constraints import Where, row_components, simple
 from ocp.problem.equations_along import path_equalities
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
@@ -276,10 +276,8 @@ def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...
     path: list[tuple[int, int]] = []
     ends: list[tuple[int, int, Where]] = []
     for i, constraint in enumerate(problem.subject_to):
-        bounds = ca.vertcat(system.x, system.u, system.p) if constraint.where is Where.ALONG else system.x
-        done = set() if constraint.where is Where.PERIODIC else {c for _, c in simple(constraint, bounds)}
-        for c in range(constraint.expression.numel()):
-            if c in done or (i, c) in equalities:
+        for c in row_components(constraint, system):
+            if (i, c) in equalities:
                 continue
             if constraint.where is not Where.ALONG:
                 ends.append((i, c, constraint.where))

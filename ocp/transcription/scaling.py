@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.arrays import largest_of_unit, probes
 from ocp.numerics.rate_functions import slopes as slopes_of
-from ocp.problem.constraints import Constraint, Where, simple
+from ocp.problem.constraints import Constraint, Where, row_components
 from ocp.problem.problem import Problem
 from ocp.transcription.guess import Guess
 
@@ -89,7 +89,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     places = guess.x[:: max(1, len(guess.x) // 4)]
     # In the guess, terms of a rate may cancel; slightly different states show how large they are.
-    places = np.vstack([places, places * np.random.default_rng(1).uniform(0.95, 1.0, places.shape)])
+    places = np.vstack([places, places * probes(places.shape, 0.95, 1.0)])
     nu, count = system.u.numel(), len(places)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
     slopes = np.abs(
@@ -176,8 +176,7 @@ def _constraint_scales(
     """Return the scales of the components of a constraint."""
     sides = np.abs(np.stack([constraint.lower, constraint.upper]))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
-    system = problem.system
-    if len(simple(constraint, ca.vertcat(system.x, system.u, system.p))) == len(limit):
+    if not row_components(replace(constraint, where=Where.ALONG), problem.system):
         return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
     seen = _largest_change(constraint.expression, problem, guess, p, corner)
     return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))

@@ -61,8 +61,8 @@ def sweep(
         candidates = [one for one in (*own, *catalogue) if one is not None]
         choices: list[Sizing] = []
         for efficiency in sorted({one.efficiency for one in candidates}):
-            alike = [one.motor for one in candidates if one.efficiency == efficiency]
-            choices += size_gears(table, i, alike, ratios, efficiency)
+            same = [one.motor for one in candidates if one.efficiency == efficiency]
+            choices += size_gears(table, i, same, ratios, efficiency)
         if choices:
             results[c.name] = tuple(sorted(choices, key=lambda one: one.load))
     return results

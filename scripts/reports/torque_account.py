@@ -151,12 +151,12 @@ def exceeded(table: TorqueTable, limits: Limits | None = None) -> list[str]:
         when = f"from {where.start:.6g} to {where.end:.6g} s"
         several = lines.setdefault(f"{where.name} {where.limit}", [])
         several.append(f"{where.name} {when}: {where.value:.4g}, the limit is {where.limit:.4g}")
-    told = []
+    shown = []
     for several in lines.values():
-        told += several[:SHOWN]
+        shown += several[:SHOWN]
         if len(several) > SHOWN:
-            told.append(f"... and in {len(several) - SHOWN} more intervals, see torques.json")
-    return told
+            shown.append(f"... and in {len(several) - SHOWN} more intervals, see torques.json")
+    return shown
 
 
 def _print(say: Say, header: list[str], lines: list[list[str]]) -> None:
