@@ -70,12 +70,13 @@ def test_motor_energy_of_an_arm_is_that_of_its_powers():
     system, s = positive_part(arm, power, name="motor")
     fixed = {"q": ([0.15, -3.0, -3.0, 0.6], [2.8, 3.0, 3.0, 1.1]), "tau": [400.0, 250.0, 60.0, 300.0]}
     ends = [0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9]
-    scheme = radau(3, Control.COLLOCATED)
+    # Slack and power are equal at points only: on 30 elements the cost is 2.5 % from the integral, on 60 it is 0.7 %.
+    scheme, grid = radau(3, Control.LINEAR), uniform(60)
     cheap = point_to_point(system, *ends, minimise=Bolza(running=ca.sum1(s)), horizon=Fixed(1.2), **fixed)
-    solution = solve(cheap, scheme, uniform(30))
+    solution = solve(cheap, scheme, grid)
     assert solution.ok, solution.message
     effort = Bolza(running=ca.sumsqr(arm["tau"] / ca.DM(fixed["tau"])))
-    gentle = solve(point_to_point(arm, *ends, minimise=effort, horizon=Fixed(1.2), **fixed), scheme, uniform(30))
+    gentle = solve(point_to_point(arm, *ends, minimise=effort, horizon=Fixed(1.2), **fixed), scheme, grid)
     t = np.linspace(0.0, 1.2, 12001)
     energies = [float(np.trapezoid(np.maximum(one.signal(power, t), 0.0).sum(axis=1), t)) for one in (solution, gentle)]
     assert solution.cost == pytest.approx(energies[0], rel=2e-2)
