@@ -143,7 +143,7 @@ def column(name: str, value: object, size: int | None = None, expected: str = ""
     return array
 
 
-def places(name: str, value: object, expected: str, low: float = -FAR, high: float = FAR, *, least: int = 0) -> Array:
+def points(name: str, value: object, expected: str, low: float = -FAR, high: float = FAR, *, least: int = 0) -> Array:
     """Return one number or several, (K,), within a closed interval.
 
     Args:

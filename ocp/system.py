@@ -161,11 +161,11 @@ class System:
                 given = "limits" if name in self.limits else "initial"
                 raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
         checks.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
-        for place in self.singular:
-            checks.instance("System: singular, each", place, Singularity, "a Singularity")
-            self.check_symbols("singular", place.quantity)
-            if ca.depends_on(place.quantity, self.u):
-                raise ValueError(f"System: the quantity of {place.words!r} depends on the control; expected x and p")
+        for item in self.singular:
+            checks.instance("System: singular, each", item, Singularity, "a Singularity")
+            self.check_symbols("singular", item.quantity)
+            if ca.depends_on(item.quantity, self.u):
+                raise ValueError(f"System: the quantity of {item.words!r} depends on the control; expected x and p")
         if self.implicit is not None:
             checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
             sizes = self.implicit.rate.numel(), self.x.numel()
@@ -183,12 +183,12 @@ class System:
 
     def __reduce__(self) -> tuple[object, ...]:
         # Graphs cannot travel to another process, functions can: the expressions are rebuilt on new symbols.
-        outputs = [ca.densify(self.rate), *self.signals.values(), *(place.quantity for place in self.singular)]
+        outputs = [ca.densify(self.rate), *self.signals.values(), *(item.quantity for item in self.singular)]
         function = ca.Function("system", [self.x, self.u, self.p], outputs)
         data: tuple[object, ...] = (dict(self.nominal), dict(self.labels), self.notes)
         data += (dict(self.limits), dict(self.initial))
         if self.singular:
-            data += (tuple((place.least, place.words, place.crossed) for place in self.singular),)
+            data += (tuple((item.least, item.words, item.crossed) for item in self.singular),)
         if self.t is not None or self.integrals:
             data += (self.clock, self.integrals) if self.singular else ((), self.clock, self.integrals)
         return rebuild, (function, tuple(self.signals), *data)
@@ -295,6 +295,6 @@ def rebuild(
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *rest = function.call([x, u, p])
     named = dict(zip(names, rest[: len(names)], strict=True))
-    places = tuple(Singularity(q, *known) for q, known in zip(rest[len(names) :], singular, strict=True))
+    items = tuple(Singularity(q, *known) for q, known in zip(rest[len(names) :], singular, strict=True))
     t = x[clock] if clock >= 0 else None
-    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, places, t=t, integrals=integrals)
+    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, items, t=t, integrals=integrals)

@@ -253,17 +253,17 @@ def draw(results: Results, path: Path) -> None:
     figure, axes = plt.subplots(
         *shape, figsize=(4.2 * shape[1] + 0.6, 3.2 * shape[0] + 0.9), sharex=True, squeeze=False, layout="constrained"
     )
-    for place, axis in enumerate(axes.ravel()):
-        if place >= len(problems):
+    for number, axis in enumerate(axes.ravel()):
+        if number >= len(problems):
             axis.set_axis_off()
             continue
-        curve(axis, results, problems[place], "total", "-o")
-        curve(axis, results, problems[place], "setup", ":")
+        curve(axis, results, problems[number], "total", "-o")
+        curve(axis, results, problems[number], "setup", ":")
         axis.set(xscale="log", yscale="log", xlabel="elements", ylabel="seconds")
         grids = sorted({key[1] for key in results})
         axis.set_xticks(grids, [str(n) for n in grids])
         axis.minorticks_off()
-        axis.set_title(CASES[problems[place]]().title, fontsize=9)
+        axis.set_title(CASES[problems[number]]().title, fontsize=9)
         axis.grid(visible=True, color="#e5e8eb", linewidth=0.6)
     shown = [name for name in CONTENDERS if any(key[2] == name for key in results)]
     handles = [Line2D([], [], color=COLOURS[name], marker="o", markersize=3, label=name) for name in shown]

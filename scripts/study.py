@@ -89,8 +89,8 @@ def command_line() -> argparse.ArgumentParser:
 def plan(study: Study, store: Path) -> str:
     """Return what a run would do, in words."""
     known = study.table().records if store.exists() else (None,) * len(study.cases)
-    done = sum(record is not None and record.ok for record in known)
-    failed = sum(record is not None and not record.ok for record in known)
+    done = sum(result is not None and result.ok for result in known)
+    failed = sum(result is not None and not result.ok for result in known)
     axes = {name: list(dict.fromkeys(case[name] for case in study.cases)) for name in study.cases[0]}
     lines = [f"{len(study.cases)} cases: {done} stored, {failed} failed, {len(known) - done - failed} to compute"]
     for name, values in axes.items():
@@ -142,7 +142,7 @@ def account(table: StudyTable, files: Sequence[Path]) -> dict[str, Any]:
 
 
 def _check_resume(study: Study, store: Path) -> None:
-    stored = sum(record is not None for record in study.table().records) if store.exists() else 0
+    stored = sum(result is not None for result in study.table().records) if store.exists() else 0
     if not stored:
         raise ValueError(f"--resume: {store} holds no case of this study; its settings differ, or it has not begun")
 

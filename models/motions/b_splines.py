@@ -23,7 +23,7 @@ def interpolate(
         times: (K,) increasing [s].
         points: (K, n) [rad or m].
         degree: d.
-        conditions: place (0 or -1), order and value (n,) of d - 1 end conditions [per s^order]; None: the pieces at
+        conditions: end (0 or -1), order and value (n,) of d - 1 end conditions [per s^order]; None: the pieces at
             each end are one polynomial.
         periodic: the derivatives of order 1 .. d - 1 agree at both ends.
 
@@ -43,8 +43,8 @@ def interpolate(
             first, last = (basis_rows(knots, degree, s[[k]], order) for k in (0, -1))
             rows.append(_scaled((np.hstack([first[0], last[0]]), np.hstack([first[1], -last[1]])))[0])
             right.append(np.zeros((1, n)))
-    for place, order, value in conditions or ():
-        row, scale = _scaled(basis_rows(knots, degree, s[[place]], order))
+    for end, order, value in conditions or ():
+        row, scale = _scaled(basis_rows(knots, degree, s[[end]], order))
         rows.append(row)
         right.append(value[None] * unit**order / scale)
     try:

@@ -88,7 +88,7 @@ class Motion:
         """Return d^order q / dt^order at times t [s] within the motion, shape as `q`."""
         slack = OUTSIDE * self.duration
         checks.whole("order", order, 0, 5)
-        times = checks.places("t", t, "times in s within the motion, one or (K,)", least=1)
+        times = checks.points("t", t, "times in s within the motion, one or (K,)", least=1)
         if not np.all((times >= self.start - slack) & (times <= self.end + slack)):
             asked = f"{np.min(times):g} .. {np.max(times):g} s"
             raise ValueError(f"t: got {asked}, the motion runs from {self.start:g} to {self.end:g} s")

@@ -52,7 +52,7 @@ def _unwrapped(recording: Recording) -> Recording:
         q[1:, i] -= np.cumsum(np.where(jumps, turns, 0.0))
         k = int(np.argmax(jumps))
         notes.append(
-            f"{label.name} steps by a turn at {np.sum(jumps)} places, first at {recording.t[k + 1]:.6g} s: an angle "
+            f"{label.name} steps by a turn at {np.sum(jumps)} points, first at {recording.t[k + 1]:.6g} s: an angle "
             "wrapped at half or at full turns; it is unwrapped"
         )
     return replace(recording, q=q, notes=(*recording.notes, *notes)) if notes else recording

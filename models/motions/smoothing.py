@@ -51,8 +51,8 @@ class Smoothed:
 
         Source: G. Wahba, Bayesian "confidence intervals" for the cross-validated smoothing spline (1983).
         """
-        place = (t - self.curve.breaks[0]) / self.unit
-        parts = [basis_rows(self.knots, DEGREE, place, order) for order in range(3)]
+        s = (t - self.curve.breaks[0]) / self.unit
+        parts = [basis_rows(self.knots, DEGREE, s, order) for order in range(3)]
         columns = parts[0][0]
         rows = np.stack([values / self.unit**order for order, (_, values) in enumerate(parts)], axis=1)
         i, j = np.meshgrid(np.arange(DEGREE + 1), np.arange(DEGREE + 1), indexing="ij")
@@ -135,8 +135,8 @@ class _Fit:
         nodes, weights = np.polynomial.legendre.leggauss(DEGREE - PENALISED + 1)
         breaks = np.unique(knots)
         widths = np.diff(breaks)
-        places = (breaks[:-1, None] + widths[:, None] * (nodes + 1.0) / 2.0).ravel()
-        columns, values = basis_rows(knots, DEGREE, places, PENALISED)
+        points = (breaks[:-1, None] + widths[:, None] * (nodes + 1.0) / 2.0).ravel()
+        columns, values = basis_rows(knots, DEGREE, points, PENALISED)
         jerks = columns, values * np.sqrt((widths[:, None] * weights / 2.0).ravel())[:, None]
         penalty = _gram(jerks, size)
         ratio = float(normal[:, 0].sum() / penalty[:, 0].sum())
@@ -162,16 +162,16 @@ class _Fit:
             score = self._score(self.ratio * 10.0**decades, noise)
             if not np.all(np.isfinite(score)):
                 i = int(np.argmax(~np.all(np.isfinite(score), axis=1)))
-                span, reach = self.t[-1] - self.t[0], np.max(np.abs(self.y[:, i]))
+                length, largest = self.t[-1] - self.t[0], np.max(np.abs(self.y[:, i]))
                 raise ValueError(
-                    f"coordinate {i + 1}: samples up to {reach:.3g} over {span:.3g} s, or their noise, are beyond "
+                    f"coordinate {i + 1}: samples up to {largest:.3g} over {length:.3g} s, or their noise, are beyond "
                     "double precision for a smoothing spline; give them in other units, or velocities too"
                 )
-            place = np.argmin(score, axis=1)
-            best = decades[np.arange(n), place]
+            index = np.argmin(score, axis=1)
+            best = decades[np.arange(n), index]
             width = (high - low) / (TRIALS - 1)
-            below = (place == 0) & (low > DECADES[0])
-            above = (place == TRIALS - 1) & (high < DECADES[1])
+            below = (index == 0) & (low > DECADES[0])
+            above = (index == TRIALS - 1) & (high < DECADES[1])
             low = np.clip(np.where(below, low + NEIGHBOURHOOD[0], np.where(above, high, best) - width), *DECADES)
             high = np.clip(np.where(above, high - NEIGHBOURHOOD[0], best + width), *DECADES)
             if np.max(width) < ENOUGH and not np.any(below | above):

@@ -123,18 +123,18 @@ def check_spacing(times: Array) -> None:
 
 
 def _conditions(ends: Ends, degree: int, n: int) -> list[tuple[int, int, Array]] | None:
-    """Return place (0 or -1), order and value (n,) of the conditions; None for continued polynomials."""
+    """Return end (0 or -1), order and value (n,) of the conditions; None for continued polynomials."""
     if ends.continued:
         return None
     conditions = []
-    for place, side in ((0, ends.start), (-1, ends.end)):
+    for end, side in ((0, ends.start), (-1, ends.end)):
         for order, value in side.items():
             if isinstance(order, bool) or not isinstance(order, int) or not 1 <= order < degree:
                 raise ValueError(f"ends: a condition on derivative {order}, expected 1 .. {degree - 1}")
             given = checks.numbers(f"ends: derivative {order}", value)
             if given.size not in (1, n):
                 raise ValueError(f"ends: derivative {order} has {given.size} components, expected 1 or {n}")
-            conditions.append((place, order, np.broadcast_to(given, (n,))))
+            conditions.append((end, order, np.broadcast_to(given, (n,))))
     count = len(conditions) + (degree - 1 if ends.periodic else 0)
     if count != degree - 1:
         raise ValueError(
@@ -148,5 +148,5 @@ def _missed(spline: Piecewise, times: Array, points: Array) -> float:
     """Return the largest distance of a spline from its points, from both sides, as a share of their range."""
     before = spline(np.nextafter(times, times[0]))
     largest = max(float(np.max(np.abs(values - points))) for values in (spline(times), before))
-    # A step of one unit in the last place moves q by v times that step.
+    # A step of one unit in the last digit moves q by v times that step.
     return largest / max(float(np.max(np.ptp(points, axis=0))), 1e-6 * float(np.max(np.abs(points))), 1e-300)

@@ -33,7 +33,7 @@ def interpolate(
         times: (K,) increasing [s].
         points: (K, n) [rad or m].
         degree: d.
-        conditions: place (0 or -1), order and value (n,) of d - 1 end conditions [per s^order]; None: the (d + 1)/2
+        conditions: end (0 or -1), order and value (n,) of d - 1 end conditions [per s^order]; None: the (d + 1)/2
             pieces at each end are one polynomial.
         periodic: the derivatives of order 1 .. d - 1 agree at both ends.
     """
@@ -45,8 +45,8 @@ def interpolate(
     right[np.arange(count - 1) * degree] = np.diff(points, axis=0) / h[:, None]
     entries = _steps(h, degree)
     row = degree * (count - 1)
-    for place, order, value in conditions or ():
-        entries.append((row, (count - 1 if place else 0) * degree + order - 1, 1.0))
+    for end, order, value in conditions or ():
+        entries.append((row, (count - 1 if end else 0) * degree + order - 1, 1.0))
         right[row] = value * unit**order
         row += 1
     if periodic:

@@ -12,7 +12,7 @@ from ocp import Problem, SequenceSolution, Solution
 from ocp.checks import Array
 from ocp.problem.constraints import Where
 
-SHARES = np.linspace(0.0, 1.0, 9)  # places on each element at which curves are sampled
+SHARES = np.linspace(0.0, 1.0, 9)  # points on each element at which curves are sampled
 HEADINGS = {"q": "position", "v": "velocity", "tau": "drive", "x": "state", "u": "control"}
 Motion = Solution | SequenceSolution
 

@@ -83,18 +83,18 @@ def structure(solution: Solution, path: File | None = None) -> Figure:
         switching.set_ylim(-reach, reach)
         switching.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
         switching.set_ylabel("switching\nfunction", fontsize=8)
-    for place, limit in zip(axes[2 * len(labels) : -1], met, strict=True):
+    for panel, limit in zip(axes[2 * len(labels) : -1], met, strict=True):
         own = [row for row in rows if row.name == limit.label.name]
-        _bars(place, own)
-        _limit(place, problem, solution, limit, t, x, u)
+        _bars(panel, own)
+        _limit(panel, problem, solution, limit, t, x, u)
     _curve(axes[-1], t, hamiltonian)
     axes[-1].set_ylabel("H minus\nits mean", fontsize=8)
     axes[-1].set_xlabel("t [s]", fontsize=9)
     axes[-1].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
-    for place in axes:
-        place.tick_params(labelsize=7)
-        place.yaxis.get_offset_text().set_fontsize(7)
-        place.set_xlim(0.0, solution.duration)
+    for panel in axes:
+        panel.tick_params(labelsize=7)
+        panel.yaxis.get_offset_text().set_fontsize(7)
+        panel.set_xlim(0.0, solution.duration)
     used = [kind for kind in WORDS if any(row.kind is kind for row in rows)]
     handles = [Patch(color=COLOURS[kind], alpha=0.55, label=WORDS[kind]) for kind in used]
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 3), fontsize=8, frameon=False)

@@ -222,9 +222,9 @@ def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[s
     for way, (marker, colour) in styles.items():
         own = members & table.ok & (ways == way)
         if own.any():
-            places = table[names[0]][own], table[names[1]][own]
+            points = table[names[0]][own], table[names[1]][own]
             edge: dict[str, Any] = {"markeredgecolor": "black", "markeredgewidth": 0.4, "clip_on": False, "zorder": 5}
-            axes.plot(*places, marker, color=colour, markersize=3.5, linestyle="", label=way, **edge)
+            axes.plot(*points, marker, color=colour, markersize=3.5, linestyle="", label=way, **edge)
     bad = members & ~table.ok
     if bad.any():
         axes.plot(table[names[0]][bad], table[names[1]][bad], "x", color=LIMIT, markersize=6, label="failed")
@@ -244,9 +244,9 @@ def _legend(figure: Figure) -> None:
 def _mark_jumps(axes: Axes, table: StudyTable, names: Sequence[str], result: str) -> None:
     """Mark neighbours that may lie in different local optima and were not compared with each other."""
     for a, b in unchecked_jumps(table.cases, table.records):
-        places = [[table.cases[k][name] for k in (a, b)] for name in names]
+        points = [[table.cases[k][name] for k in (a, b)] for name in names]
         values = table[result][[a, b]]
-        axes.plot(*places, *([values] if len(names) == 1 else []), "-", color=LIMIT, linewidth=2.5)
+        axes.plot(*points, *([values] if len(names) == 1 else []), "-", color=LIMIT, linewidth=2.5)
 
 
 def _slopes(axes: Axes, table: StudyTable, axis: str, name: str, own: np.ndarray) -> None:

@@ -172,10 +172,10 @@ def _inertia(joint: Joint, entry: _Entries) -> LinkInertia:
 
 
 def _moved(capsule: Capsule, rotation: Matrix, origin: Sequence[Entry]) -> Capsule:
-    place = np.array([float(x) for x in origin])
+    offset = np.array([float(x) for x in origin])
     turn = numeric(rotation)
     return Capsule(
-        tuple(turn @ np.array(capsule.start) + place), tuple(turn @ np.array(capsule.end) + place), capsule.radius
+        tuple(turn @ np.array(capsule.start) + offset), tuple(turn @ np.array(capsule.end) + offset), capsule.radius
     )
 
 

@@ -52,9 +52,9 @@ class _Task:
 
     def errors(self, q: Array, position: Array, rotation: Array | None) -> tuple[Array, Array]:
         """Return the errors (K, m) of the tool at q (K, n), lengths as share of those of the arm, and Jacobians."""
-        place, axes, slope, turning = evaluate(self.function, q)
+        point, axes, slope, turning = evaluate(self.function, q)
         n = q.shape[1]
-        error, jacobian = (position - place) / self.length, slope.reshape(-1, n, 3).swapaxes(1, 2) / self.length
+        error, jacobian = (position - point) / self.length, slope.reshape(-1, n, 3).swapaxes(1, 2) / self.length
         if rotation is None:
             return error, jacobian
         relative = rotation @ axes.reshape(-1, 3, 3)  # rows are the columns of R, so that this is target R'

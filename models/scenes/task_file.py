@@ -262,7 +262,7 @@ def _obstacle(table: Table, system: System) -> Obstacle:
             )  # fmt: skip
         elif field.default is dataclasses.MISSING:
             raise table.error("", f"the key {field.name!r} is missing")
-    points = [name for name, signal in system.signals.items() if _is_place(system, name, signal)]
+    points = [name for name, signal in system.signals.items() if _is_position(system, name, signal)]
     if spelled == "signal" and "point" in table.entries and "point" not in names:
         raise table.error("point", "stands beside 'signal'; keep one of them")
     point = table.text(spelled, points, "tool")
@@ -275,5 +275,5 @@ def _obstacle(table: Table, system: System) -> Obstacle:
     return Obstacle(region, keep, point)
 
 
-def _is_place(system: System, name: str, signal: ca.SX) -> bool:
+def _is_position(system: System, name: str, signal: ca.SX) -> bool:
     return signal.numel() == 3 and name != "q" and all(part.unit == "m" for part in system.label(name, 3))

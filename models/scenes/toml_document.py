@@ -38,8 +38,8 @@ class Table:
         """Return the error that `sentence` is about the entry `name` of this table; "" for the table itself."""
         full = self.full(name)
         line = next((self.lines[known] for known in _outwards(full) if known in self.lines), None)
-        place = self.file if line is None else f"{self.file}, line {line}"
-        return SceneError(f"{place}: {full}: {sentence}" if full else f"{place}: {sentence}")
+        source = self.file if line is None else f"{self.file}, line {line}"
+        return SceneError(f"{source}: {full}: {sentence}" if full else f"{source}: {sentence}")
 
     def full(self, name: str) -> str:
         """Return the key of an entry in dots."""

@@ -153,7 +153,7 @@ class TorqueTable:
         Raises:
             ValueError: a time outside of the motion, and as `drives`.
         """
-        t = np.atleast_1d(checks.places("t", t, "times in s within the motion", self.t[0], self.t[-1], least=1))
+        t = np.atleast_1d(checks.points("t", t, "times in s within the motion", self.t[0], self.t[-1], least=1))
         function, orders = self._drive_function
         moved = [self.derivative(t, order) for order in orders]
         result = evaluate(function, *moved, self.parameters, *time_column(function, t))

@@ -63,6 +63,6 @@ def _runs(values: Array, t: Array, number: int) -> list[Crossing]:
             worst = a + int(np.argmax(side * flat[a:b]))
             share = float(np.sum(side * flat[a:b]))
             middle = float(times[a:b] @ (side * flat[a:b]) / share)
-            place = middle if b - a <= 3 else float(times[worst])
-            results.append(Crossing(Contact(number, side), float(times[a]), float(times[b - 1]), place, share))
+            moment = middle if b - a <= 3 else float(times[worst])
+            results.append(Crossing(Contact(number, side), float(times[a]), float(times[b - 1]), moment, share))
     return results

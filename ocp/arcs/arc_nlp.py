@@ -140,8 +140,8 @@ class ArcNlp:
         states, controls = results.z[layout.state] * scaling.x, results.z[layout.control] * scaling.u
         parameters = np.array(self.task.numbers)
         parameters[nlp.free] = results.z[layout.free] * scaling.free
-        scheme, mu = self.task.scheme, results.multipliers[nlp.defects]
-        costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
+        scheme, multipliers = self.task.scheme, results.multipliers[nlp.defects]
+        costates = -np.einsum("ij,kia->kja", scheme.rate, multipliers) / scheme.weights[:, None] / scaling.x
         grid = _grid(result, arc, self._widths)
         limit_multipliers, jumps = adjoin_directly(
             self.task.limits, self.conditions, nlp, results, (states, controls, costates), grid, parameters

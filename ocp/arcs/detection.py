@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocp.arcs.arcs import merged
-from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, place, with_brakes
+from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, level, with_brakes
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.problem.constraints import Where
@@ -40,8 +40,8 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...], s
     edges, u, share = cells(problem, solution)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     edge = SHARP if sharp else EDGE
-    places = np.stack([place(u[:, i], low[i], high[i], edge) for i in range(u.shape[1])], axis=1)
-    divided = Cells(edges, places, edge, sharp)
+    levels = np.stack([level(u[:, i], low[i], high[i], edge) for i in range(u.shape[1])], axis=1)
+    divided = Cells(edges, levels, edge, sharp)
     holds, touches = contacts(problem, solution, limits, divided)
     # A control cannot be at a bound that it does not have, whatever the sign of its switching function.
     share = np.where(np.isfinite(np.where(share > 0.0, low, high)), share, 0.0)
@@ -126,9 +126,9 @@ def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
 
 def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) -> list[Stretch]:
     """Return the stretches of one control from its positions in all cells."""
-    edges, place, edge = cells.edges, cells.place[:, control], cells.edge
+    edges, level, edge = cells.edges, cells.level[:, control], cells.edge
     middle, widths = (edges[:-1] + edges[1:]) / 2.0, np.diff(edges)
-    kinds: list[Kind | None] = [Kind.LOWER if a < edge else Kind.UPPER if a > 1.0 - edge else None for a in place]
+    kinds: list[Kind | None] = [Kind.LOWER if a < edge else Kind.UPPER if a > 1.0 - edge else None for a in level]
     for hold in holds:
         for covered in np.flatnonzero((middle > hold.start) & (middle < hold.end)).tolist():
             kinds[covered] = Kind.HOLDING
@@ -148,7 +148,7 @@ def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) 
         elif short and Kind.HOLDING in (before, after):
             kinds[c:stop] = [after if before is Kind.HOLDING else before] * (stop - c)
         elif short:
-            _settle(kinds, starts, place, widths, (c, stop))
+            _settle(kinds, starts, level, widths, (c, stop))
         elif np.mean(np.abs(share[c:stop])) < SINGULAR:
             kinds[c:stop] = [Kind.INTERIOR] * (stop - c)
         else:
@@ -174,11 +174,11 @@ def _within(stretches: list[Stretch], holds: list[LimitArc]) -> list[Stretch]:
     return [stretch for n, stretch in enumerate(stretches) if n == 0 or stretch[1] is not stretches[n - 1][1]]
 
 
-def _settle(kinds: list[Kind | None], starts: list[float], place: Array, widths: Array, run: tuple[int, int]) -> None:
+def _settle(kinds: list[Kind | None], starts: list[float], level: Array, widths: Array, run: tuple[int, int]) -> None:
     """Turn cells between two bounds into one switch or a short excursion that keeps the mean of the control."""
     c, stop = run
     before, after = kinds[c - 1], kinds[stop]
-    upper = float(place[c:stop] @ widths[c:stop])
+    upper = float(level[c:stop] @ widths[c:stop])
     whole = float(np.sum(widths[c:stop]))
     if before is not after:
         kinds[c:stop] = [after] * (stop - c)

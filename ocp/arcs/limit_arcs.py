@@ -36,20 +36,20 @@ class Cells:
 
     Args:
         edges: (C + 1,) ends of the cells [s].
-        place: (C, nu) position of every control in its range, 0 to 1.
+        level: (C, nu) position of every control in its range, 0 to 1.
         edge: distance from 0 and 1 that counts as being at a bound.
         sharp: whether switches lie between cells (on a moved grid), so that one cell at a bound is an arc.
     """
 
     edges: Array
-    place: Array
+    level: Array
     edge: float
     sharp: bool
 
     @property
     def inside(self) -> Array:
         """(C, nu) whether a control lies between its bounds."""
-        return np.asarray((self.place >= self.edge) & (self.place <= 1.0 - self.edge))
+        return np.asarray((self.level >= self.edge) & (self.level <= 1.0 - self.edge))
 
 
 @functools.lru_cache(maxsize=256)
@@ -173,7 +173,7 @@ def _usually(inside: Array) -> Array:
 
 def _inside(problem: Problem, u: Array) -> Array:
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    return np.array([0.02 <= place(u[i : i + 1], low[i], high[i])[0] <= 0.98 for i in range(len(u))])
+    return np.array([0.02 <= level(u[i : i + 1], low[i], high[i])[0] <= 0.98 for i in range(len(u))])
 
 
 def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float, inside: Array) -> int:
@@ -195,7 +195,7 @@ def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float, i
     return chosen[int(np.argmax(strength))]
 
 
-def place(u: Array, low: float, high: float, edge: float = 0.02) -> Array:
+def level(u: Array, low: float, high: float, edge: float = 0.02) -> Array:
     """Return the position of a control in its range, 0 to 1; one half away from the bounds if one is missing."""
     if not np.isfinite(high - low) or high <= low:
         at = np.full(len(u), 0.5)

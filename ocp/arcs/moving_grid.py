@@ -81,8 +81,8 @@ def _solution(nlp: Nlp, result: NlpResult, like: Solution, problem: Problem, set
     duration = float(widths.sum() * scaling.horizon)
     ends = np.append(0.0, np.cumsum(widths)) / widths.sum()
     ends[-1] = 1.0
-    mu = result.multipliers[nlp.defects]
-    costates = -np.einsum("ij,kia->kja", scheme.rate, mu) / scheme.weights[:, None] / scaling.x
+    multipliers = result.multipliers[nlp.defects]
+    costates = -np.einsum("ij,kia->kja", scheme.rate, multipliers) / scheme.weights[:, None] / scaling.x
     parameters = np.array(like.parameters)
     parameters[nlp.free] = result.z[layout.free] * scaling.free
     names = list(problem.system.nominal)

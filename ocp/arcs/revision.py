@@ -255,8 +255,8 @@ def with_saturated(problem: Problem, motion: ArcMotion, arcs: tuple[Arc, ...]) -
         for i, kind in enumerate(arc.kinds):
             if kind is not Kind.INTERIOR or not np.isfinite(high[i] - low[i]):
                 continue
-            place = (motion.controls[own, :, i] - low[i]) / (high[i] - low[i])
-            for at, side in ((place < SATURATED, Kind.LOWER), (place > 1.0 - SATURATED, Kind.UPPER)):
+            level = (motion.controls[own, :, i] - low[i]) / (high[i] - low[i])
+            for at, side in ((level < SATURATED, Kind.LOWER), (level > 1.0 - SATURATED, Kind.UPPER)):
                 whole = np.all(at, axis=1).astype(int)
                 edges = np.flatnonzero(np.diff(np.concatenate([[0], whole, [0]])))
                 for a, b in zip(edges[::2], edges[1::2], strict=True):

@@ -94,7 +94,7 @@ class _Attempt:
         """Use the control of another segment from now on."""
         self._control = segment.control
         self._varies = not (isinstance(segment.control, Polynomial) and len(segment.control.values) == 1)
-        self._u[:] = np.tile(segment.control(segment.stops[0]), len(self._rule.places))
+        self._u[:] = np.tile(segment.control(segment.stops[0]), len(self._rule.nodes))
 
     @np.errstate(over="ignore", invalid="ignore")  # a step that is not finite is rejected
     def through(self, x: Array, t: float, stop: float, step: float) -> tuple[Array, float, float]:
@@ -107,7 +107,7 @@ class _Attempt:
             h = stop - t if t + step * (1.0 + 1e-9) >= stop else step
             self._x[:], self._h[0] = x, h
             if self._varies:
-                self._u[:] = self._control.sample(t + h * self._rule.places).ravel()
+                self._u[:] = self._control.sample(t + h * self._rule.nodes).ravel()
             self._run.call()
             self.evaluations += int(evaluations[0])
             size = self._atol + self._rtol * np.maximum(np.abs(x), np.abs(new))

@@ -79,7 +79,7 @@ class Rule(Protocol):
         """Order of convergence."""
 
     @property
-    def places(self) -> Array:
+    def nodes(self) -> Array:
         """(s,) points of the step, from 0 to 1, at which the control is needed."""
 
     @property
@@ -89,7 +89,7 @@ class Rule(Protocol):
     def step(self, system: System) -> ca.Function:
         """Return the function (x, h, u, p) -> (x_next, errors, change, evaluations) of one step.
 
-        x is (nx,), h a scalar [s], u (nu, s) the control at `places`; errors (nx, k) are estimates, change is the last
+        x is (nx,), h a scalar [s], u (nu, s) the control at `nodes`; errors (nx, k) are estimates, change is the last
         correction of an iteration, relative (0 without one); evaluations counts those of f.
 
         Args:

@@ -27,7 +27,7 @@ class Polynomial:
     width: float  # [s]
     nodes: Array  # (c,) in [0, 1]
     values: Array  # (c, nu)
-    matrix_at: Callable[[Array], Array]  # places (K,) in [0, 1] -> (K, c), the Lagrange polynomials
+    matrix_at: Callable[[Array], Array]  # points (K,) in [0, 1] -> (K, c), the Lagrange polynomials
 
     def __call__(self, t: float) -> Array:
         """Return u(t), shape (nu,)."""
@@ -63,7 +63,7 @@ class Polynomial:
         return sampled
 
     def expression(self, tau: ca.MX, values: ca.MX) -> ca.MX:
-        """Return u at the place tau = (t - start) / width as an expression in tau and the values (c, nu)."""
+        """Return u at tau = (t - start) / width as an expression in tau and the values (c, nu)."""
         terms = []
         for m, node in enumerate(self.nodes):
             factors = [(tau - other) / (node - other) for k, other in enumerate(self.nodes) if k != m]

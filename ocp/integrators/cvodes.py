@@ -90,17 +90,17 @@ class Cvodes:
             shape: Polynomial | _Called = segment.control
             key: tuple[object, ...] = (shares, len(segment.control.values))
             values = segment.control.values
-            place = [(start - segment.control.start) / segment.control.width, width / segment.control.width]
+            share = [(start - segment.control.start) / segment.control.width, width / segment.control.width]
         else:
             shape = _Called("control", segment.control, system.u.numel())
-            key, values, place = (shares, id(segment.control)), np.zeros((0, system.u.numel())), [start, width]
+            key, values, share = (shares, id(segment.control)), np.zeros((0, system.u.numel())), [start, width]
         if key not in made:
             made[key] = self._integrator(system, shape, shares)
         integrator = made[key]
         scale = np.broadcast_to(np.asarray(self.atol, dtype=float), len(x))
         try:
             end = integrator(
-                x0=x / scale, p=np.concatenate([parameters, values.ravel(order="F"), place, [width], scale])
+                x0=x / scale, p=np.concatenate([parameters, values.ravel(order="F"), share, [width], scale])
             )
             result = np.array(end["xf"]).T * scale
         except RuntimeError as error:
@@ -113,12 +113,12 @@ class Cvodes:
         nx, nu, np_ = system.x.numel(), system.u.numel(), system.p.numel()
         count = len(shape.values) if isinstance(shape, Polynomial) else 0
         tau, x, p = ca.MX.sym("tau"), ca.MX.sym("x", nx), ca.MX.sym("p", np_)
-        values, place, width = ca.MX.sym("values", count, nu), ca.MX.sym("place", 2), ca.MX.sym("width")
+        values, share, width = ca.MX.sym("values", count, nu), ca.MX.sym("share", 2), ca.MX.sym("width")
         scale = ca.MX.sym("scale", nx)
-        at = place[0] + place[1] * tau
+        at = share[0] + share[1] * tau
         u = shape.expression(at, values) if isinstance(shape, Polynomial) else shape(at)
         equations: Any = {
-            "t": tau, "x": x, "p": ca.vertcat(p, ca.vec(values), place, width, scale),
+            "t": tau, "x": x, "p": ca.vertcat(p, ca.vec(values), share, width, scale),
             "ode": width * rates(system)(scale * x, u, p) / scale,
         }  # fmt: skip
         options: dict[str, Any] = {

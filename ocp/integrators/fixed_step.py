@@ -54,7 +54,7 @@ class FixedStep:
         run.inputs[3][:] = np.tile(np.array(parameters, dtype=float), n)
         for first in range(0, schedule.total, n):
             run.inputs[0][:] = x
-            run.inputs[1][:], run.inputs[2][:] = schedule.steps(first, n, self.rule.places, system.u.numel())
+            run.inputs[1][:], run.inputs[2][:] = schedule.steps(first, n, self.rule.nodes, system.u.numel())
             for output in run.outputs:
                 output[:] = np.nan  # remains if the evaluation stops early
             run.call()
@@ -122,18 +122,18 @@ class _Schedule:
         widths = self.gaps[gap] / self.counts[gap]
         return self.since[gap] + (steps - (self.ends[gap] + 1 - self.counts[gap])) * widths, widths
 
-    def steps(self, first: int, n: int, places: Array, nu: int) -> tuple[Array, Array]:
+    def steps(self, first: int, n: int, nodes: Array, nu: int) -> tuple[Array, Array]:
         """Return widths (n,) and controls (n s nu,) of n steps; those beyond the end have no width."""
         last = min(first + n, self.total)
         starts, given = self._starts(first, last)
-        widths, u = np.zeros(n), np.zeros((n, len(places), nu))
+        widths, u = np.zeros(n), np.zeros((n, len(nodes), nu))
         widths[: last - first] = given
         k = int(np.searchsorted(self.begins, first, side="right")) - 1
         at = first
         while at < last and nu:
             until = min(last, self.begins[k + 1] if k + 1 < len(self.begins) else last)
             part = slice(at - first, until - first)
-            times = starts[part, None] + given[part, None] * places
+            times = starts[part, None] + given[part, None] * nodes
             u[part] = self.segments[k].control.sample(times.ravel()).reshape(*times.shape, nu)
             at, k = until, k + 1
         return widths, u.ravel()

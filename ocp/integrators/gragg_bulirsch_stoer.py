@@ -182,7 +182,7 @@ def integrate(
 
     The modified midpoint rule with 2, 4, ..., 16 substeps has an error expansion in even powers of the step; Aitken-
     Neville extrapolation removes the first seven. The last two diagonal entries estimate the error. The rule carries
-    two chains of states, at even and odd places; where f has a jump or a thin layer, each may settle on its own side
+    two chains of states, at even and odd steps; where f has a jump or a thin layer, each may settle on its own side
     of it, and the extrapolation agrees with itself on a wrong motion. So an accepted step also agrees with the
     extrapolation of Gragg's smoothed values, which mix the chains.
 

@@ -34,7 +34,7 @@ class RungeKutta:
         return self.tableau.order
 
     @property
-    def places(self) -> Array:
+    def nodes(self) -> Array:
         """(s,) points of the stages in the step."""
         return self.tableau.c
 
@@ -75,7 +75,7 @@ class RadauWithEstimate:
     error_order: int = 4
 
     @property
-    def places(self) -> Array:
+    def nodes(self) -> Array:
         """(4,) the start of the step and its stages."""
         return np.concatenate([[0.0], radau_iia(3).c])
 

@@ -85,7 +85,7 @@ def simulate(
     start, reported = _initial_state(system, x0), _times(times, control)
     chosen = _with_tolerances(Extrapolation() if method is None else method, rtol, atol, len(start))
     parameters = _parameters(system, control, values)
-    inner = checks.places("breaks", breaks, "times in s where the control jumps")
+    inner = checks.points("breaks", breaks, "times in s where the control jumps")
     nu, known = system.u.numel(), dict(zip(system.nominal, parameters, strict=True))
     xs, us = np.full((len(reported), len(start)), np.nan), np.full((len(reported), nu), np.nan)
     singular = meeting(system, start[None], parameters)
@@ -151,7 +151,7 @@ def _parameters(system: System, control: Controls, values: Mapping[str, float] |
 def _stops(system: System, reported: Array, method: Method) -> Array:
     """Return the times to report, with those at which a motion is looked at for singularities it may step over."""
     end = float(reported[-1])
-    if len(reported) >= WATCHED or not any(place.crossed for place in system.singular) or end == 0.0:
+    if len(reported) >= WATCHED or not any(singularity.crossed for singularity in system.singular) or end == 0.0:
         return reported
     step = getattr(method, "step", end / WATCHED)
     every = np.arange(1, int(end / step) + 1) * step

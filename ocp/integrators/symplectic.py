@@ -78,7 +78,7 @@ class StoermerVerlet:
         return 2
 
     @property
-    def places(self) -> Array:
+    def nodes(self) -> Array:
         """(1,) the middle of the step."""
         return np.array([0.5])
 

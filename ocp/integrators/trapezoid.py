@@ -45,7 +45,7 @@ class PredictorCorrector:
         return 2
 
     @property
-    def places(self) -> Array:
+    def nodes(self) -> Array:
         """(2,) both ends of the step."""
         return np.array([0.0, 1.0])
 

@@ -130,14 +130,14 @@ def _made(functions: tuple[ca.Function, ...]) -> tuple[tuple[ca.Function, ...], 
     if os.name != "posix":
         raise _NotPossibleError(f"libraries are not made on {sys.platform}")
     command = _compiler()
-    place = directory()
-    _check_directory(place)
+    folder = directory()
+    _check_directory(folder)
     key = _key(functions, command)
-    library = _found(place, key)
+    library = _found(folder, key)
     cached = library is not None
     if library is None:
-        _remove_old(place)
-        library = _build(functions, command, place, key)
+        _remove_old(folder)
+        library = _build(functions, command, folder, key)
     return tuple(ca.external(function.name(), str(library)) for function in functions), cached
 
 
@@ -151,11 +151,11 @@ def _compiler() -> list[str]:
     raise _NotPossibleError(f"no C compiler ({named[0] if named else 'gcc, cc, clang'}) is there")
 
 
-def _run(command: list[str], place: Path) -> str:
+def _run(command: list[str], folder: Path) -> str:
     """Return what a command prints."""
     try:
         done = subprocess.run(
-            command, cwd=place, capture_output=True, text=True, errors="replace", timeout=PATIENCE, check=False,
+            command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=PATIENCE, check=False,
             stdin=subprocess.DEVNULL, env={**os.environ, "LC_ALL": "C"},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -179,14 +179,14 @@ def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:40]
 
 
-def _check_directory(place: Path) -> None:
+def _check_directory(folder: Path) -> None:
     """Raise unless only the user can write to a directory or replace it by another one."""
-    _check_owner(place)
-    for above in place.parents:
+    _check_owner(folder)
+    for above in folder.parents:
         state = above.stat()
         open_to_all = state.st_mode & stat.S_IWOTH and not state.st_mode & stat.S_ISVTX
         if open_to_all or state.st_uid not in (0, os.geteuid()):
-            raise _NotPossibleError(f"{place} is not safe: others can rename what is in {above}")
+            raise _NotPossibleError(f"{folder} is not safe: others can rename what is in {above}")
 
 
 def _check_owner(path: Path) -> None:
@@ -198,9 +198,9 @@ def _check_owner(path: Path) -> None:
         raise _NotPossibleError(f"{path} is writable by others; remove that right, or name another one in HAMEL_CACHE")
 
 
-def _found(place: Path, key: str) -> Path | None:
+def _found(folder: Path, key: str) -> Path | None:
     """Return the library of a key whose content has the hash in its name; damaged ones are removed."""
-    for path in sorted(place.glob(f"{key}-*.so")):
+    for path in sorted(folder.glob(f"{key}-*.so")):
         with suppress(FileNotFoundError):  # another process has removed it just now
             if not path.is_symlink():
                 _check_owner(path)
@@ -211,9 +211,9 @@ def _found(place: Path, key: str) -> Path | None:
     return None
 
 
-def _build(functions: tuple[ca.Function, ...], command: list[str], place: Path, key: str) -> Path:
+def _build(functions: tuple[ca.Function, ...], command: list[str], folder: Path, key: str) -> Path:
     """Return a new library. It gets its name, with the hash of its content, in one step when it is finished."""
-    with tempfile.TemporaryDirectory(prefix=BUILD, dir=place) as temporary:
+    with tempfile.TemporaryDirectory(prefix=BUILD, dir=folder) as temporary:
         there = Path(temporary)
         code = ca.CodeGenerator("functions", {"with_header": False})
         for function in functions:
@@ -221,15 +221,15 @@ def _build(functions: tuple[ca.Function, ...], command: list[str], place: Path, 
         code.generate(f"{there}/")
         _run([*command, *FLAGS, "-o", "library.so", "functions.c", "-lm"], there)
         (there / "library.so").chmod(0o700)
-        library = place / f"{key}-{_digest((there / 'library.so').read_bytes())}.so"
+        library = folder / f"{key}-{_digest((there / 'library.so').read_bytes())}.so"
         (there / "library.so").replace(library)
     return library
 
 
-def _remove_old(place: Path) -> None:
+def _remove_old(folder: Path) -> None:
     """Remove libraries that have not been used for long, and what stopped compilers left behind; nothing else."""
     now = time.time()
-    for path in place.iterdir():
+    for path in folder.iterdir():
         with suppress(OSError):  # another process was faster
             age = now - path.lstat().st_mtime
             if LIBRARY.fullmatch(path.name) and age > KEPT:

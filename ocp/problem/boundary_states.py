@@ -48,9 +48,9 @@ def _satisfying(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Arr
     whole = False
     for constraint in wanted:
         # Bounds of single states are satisfied first; other expressions may not be defined for other values.
-        for place, c in simple(constraint, system.x):
+        for index, c in simple(constraint, system.x):
             x = x.copy()
-            x[place] = np.clip(x[place], constraint.lower[c], constraint.upper[c])
+            x[index] = np.clip(x[index], constraint.lower[c], constraint.upper[c])
     for _ in range(ITERATIONS):
         value, slope = (np.array(part) for part in function(x, p))
         short = np.clip(value.ravel(), low, high) - value.ravel()

@@ -105,11 +105,11 @@ def integral(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: 
 
 def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
     """Return (index in symbols, component) for the components of a constraint that are single symbols."""
-    place = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
+    indices = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(symbols))} if symbols.numel() else {}
     return [
-        (place[component.element_hash()], c)
+        (indices[component.element_hash()], c)
         for c, component in enumerate(ca.vertsplit(constraint.expression))
-        if component.is_symbolic() and component.element_hash() in place
+        if component.is_symbolic() and component.element_hash() in indices
     ]
 
 
@@ -164,6 +164,6 @@ def _limit(where: str, side: str, value: Limit, missing: float, size: int) -> np
     if array.size not in (1, size):
         raise ValueError(f"{where}: {side} has {array.size} components, expected 1 or {size}")
     if np.any(np.isnan(array)):
-        places = np.flatnonzero(np.isnan(array)).tolist()
-        raise ValueError(f"{where}: {side} is NaN in components {places}, expected numbers, or inf for no limit")
+        components = np.flatnonzero(np.isnan(array)).tolist()
+        raise ValueError(f"{where}: {side} is NaN in components {components}, expected numbers, or inf for no limit")
     return np.broadcast_to(array, (size,)).copy()

@@ -232,9 +232,9 @@ def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarr
     low, high = np.full(symbols.numel(), -np.inf), np.full(symbols.numel(), np.inf)
     for constraint in problem.subject_to:
         if constraint.where is where:
-            for place, c in simple(constraint, symbols):
-                low[place] = max(low[place], constraint.lower[c])
-                high[place] = min(high[place], constraint.upper[c])
+            for index, c in simple(constraint, symbols):
+                low[index] = max(low[index], constraint.lower[c])
+                high[index] = min(high[index], constraint.upper[c])
     return low, high
 
 

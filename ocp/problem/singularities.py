@@ -46,16 +46,16 @@ def meeting(system: System, x: Array, values: Sequence[float], start: int = 0) -
     sizes = quantities(system, x[usable], values)
     results: list[tuple[int, bool, Singularity]] = []
     first = min(int(np.searchsorted(usable, start)), len(usable) - 1)
-    for place, size in zip(system.singular, sizes, strict=True):
-        touched = ~(np.abs(size) > place.least)
+    for singularity, size in zip(system.singular, sizes, strict=True):
+        touched = ~(np.abs(size) > singularity.least)
         turned = np.sign(size) != np.sign(size[first])
         bad = np.flatnonzero(touched | turned)
         if len(bad):
-            results.append((int(usable[bad[0]]), bool(touched[bad[0]]), place))
+            results.append((int(usable[bad[0]]), bool(touched[bad[0]]), singularity))
     if not results:
         return None
-    row, at, place = min(results, key=lambda one: one[0])
-    return Meeting(row, at, place.words + met_at(system, place, x[row]))
+    row, at, singularity = min(results, key=lambda one: one[0])
+    return Meeting(row, at, singularity.words + met_at(system, singularity, x[row]))
 
 
 def between(system: System, t: Array, x: Array, u: Array, values: Sequence[float]) -> tuple[Array, Array]:
@@ -91,19 +91,19 @@ def quantities(system: System, x: Array, values: Sequence[float]) -> Array:
 
 @functools.lru_cache(maxsize=32)
 def _quantities(system: System) -> ca.Function:
-    every = ca.vertcat(*(place.quantity for place in system.singular))
+    every = ca.vertcat(*(singularity.quantity for singularity in system.singular))
     return ca.Function("quantities", [system.x, system.p], [ca.densify(every)])
 
 
-def met_at(system: System, place: Singularity, x: Array) -> str:
+def met_at(system: System, singularity: Singularity, x: Array) -> str:
     """Return the values of the states on which the quantity of a singularity depends, as part of a message.
 
     Args:
         system: that has the singularity.
-        place: the singularity.
+        singularity: the singularity.
         x: (nx,) state.
     """
-    used = {symbol.element_hash() for symbol in ca.symvar(place.quantity)}
+    used = {symbol.element_hash() for symbol in ca.symvar(singularity.quantity)}
     pairs = zip(ca.vertsplit(system.x), system.label("x", len(x)), x, strict=True)
     known = [f"{label.name} = {value:.3g}" for symbol, label, value in pairs if symbol.element_hash() in used]
     return f" (met at {', '.join(known)})" if known else ""
@@ -124,16 +124,16 @@ def singular_ends(phases: tuple[Problem, ...], values: list[list[float]]) -> Ite
         first, last, _ = ends(phase, ca.DM(numbers))
         start, end = _fixed(phase, Where.START), _fixed(phase, Where.END)
         sizes = quantities(system, np.stack([first, last]), numbers)
-        for place, (low, high) in zip(system.singular, sizes, strict=True):
-            if unknown and ca.depends_on(place.quantity, system.p):
+        for singularity, (low, high) in zip(system.singular, sizes, strict=True):
+            if unknown and ca.depends_on(singularity.quantity, system.p):
                 continue
-            used = {symbol.element_hash() for symbol in ca.symvar(place.quantity)}
+            used = {symbol.element_hash() for symbol in ca.symvar(singularity.quantity)}
             used -= {symbol.element_hash() for symbol in ca.vertsplit(system.p)}
             for where, known, size, x in (("start", start, low, first), ("end", end, high, last)):
-                if used <= known and not abs(size) > place.least:
-                    yield f"the {where} is singular: {place.words}{met_at(system, place, x)}"
+                if used <= known and not abs(size) > singularity.least:
+                    yield f"the {where} is singular: {singularity.words}{met_at(system, singularity, x)}"
             if used <= start and used <= end and low * high < 0.0:
-                yield f"start and end lie on two sides of a singularity: {place.words}"
+                yield f"start and end lie on two sides of a singularity: {singularity.words}"
 
 
 def _fixed(phase: Problem, where: Where) -> set[int]:

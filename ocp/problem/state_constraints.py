@@ -69,7 +69,7 @@ def state_limits(problem: Problem) -> tuple[StateLimit, ...]:
         if constraint.where is not Where.ALONG:
             continue
         own = {c for _, c in simple(constraint, known)}
-        states = {c: place for place, c in simple(constraint, system.x)}
+        states = {c: index for index, c in simple(constraint, system.x)}
         labels = problem.labels(constraint)
         for c in range(constraint.expression.numel()):
             lower, upper = float(constraint.lower[c]), float(constraint.upper[c])

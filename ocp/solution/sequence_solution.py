@@ -54,7 +54,7 @@ class SequenceSolution:
         checks.text("signal", signal, "the name of a signal that all systems have")
         end = self.duration
         wanted, slack = f"times within the motion, 0 to {end} s", OUTSIDE * end
-        times = checks.places("t", t, wanted, -slack, end + slack, least=1)
+        times = checks.points("t", t, wanted, -slack, end + slack, least=1)
         starts = self.junctions
         phase = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(self.phases) - 1)
         parts = [

@@ -211,7 +211,7 @@ class Solution:
         Returns:
             t (N s,), x (N s, nx), dx/dt (N s, nx), u (N s, nu).
         """
-        tau = checks.places("tau", tau, "points in [0, 1] of every element", 0.0, 1.0, least=1)
+        tau = checks.points("tau", tau, "points in [0, 1] of every element", 0.0, 1.0, least=1)
         widths = self.duration * self.grid.widths
         t = (self.nodes[:-1, None] + widths[:, None] * tau).ravel()
         x = np.einsum("sm,kma->ksa", self.scheme.state_at(tau), self.data)

@@ -49,7 +49,7 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
 
 
 def _kinked(problem: Problem) -> list[str]:
-    """Return a sentence about functions without a derivative somewhere; Newton's method stops at such places."""
+    """Return a sentence about functions without a derivative somewhere; Newton's method stops at such points."""
     result = kinks(problem)
     if not result:
         return []

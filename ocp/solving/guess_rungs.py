@@ -102,10 +102,10 @@ class CoarseGrid:
     def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
         """Return the coarse solution, or None if it fails."""
         ends = prepared.grid.ends
-        places = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
-        if len(places) >= len(ends):
+        nodes = np.linspace(0, len(ends) - 1, max(3, (len(ends) - 1) // self.factor) + 1).round().astype(int)
+        if len(nodes) >= len(ends):
             return None
-        coarse = prepared.on(prepared.problem, Grid(ends[places]), prepared.settings, values)
+        coarse = prepared.on(prepared.problem, Grid(ends[nodes]), prepared.settings, values)
         result = coarse((Smooth(), StraightLine()), values)
         return (as_guesses(prepared.problem, result), True) if result.ok else None
 

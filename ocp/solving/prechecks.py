@@ -195,15 +195,15 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
         names = [f"d{label.name}/dt" for label in _labels(phase, "x", system.x)]
         names += [label.name for constraint in phase.subject_to for label in phase.labels(constraint)]
         named = list(zip([*names, "the running cost"], ca.vertsplit(everything), strict=True))
-        place, i = bad[0]
+        node, i = bad[0]
         name, expression = named[i]
         used = {symbol.element_hash() for symbol in ca.symvar(expression)}
-        states = zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), guess.x[place], strict=True)
+        states = zip(ca.vertsplit(system.x), _labels(phase, "x", system.x), guess.x[node], strict=True)
         at = [f"{label.name} = {value:.6g}" for symbol, label, value in states if symbol.element_hash() in used]
-        when = f"after {100.0 * guess.share[place]:.3g} % of the duration" if place else "at the start"
+        when = f"after {100.0 * guess.share[node]:.3g} % of the duration" if node else "at the start"
         yield (
-            f"{name} is {result[i, place]} {when} of the first guess"
-            f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this place, or a model without "
+            f"{name} is {result[i, node]} {when} of the first guess"
+            f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this state, or a model without "
             "the singularity"
         )
 

@@ -39,19 +39,19 @@ def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
         grid.ends[:-1, None], solution.grid.ends[:-1]
     )
     shared = np.maximum(common, 0.0) / solution.grid.widths
-    for places, scale, own, old in (
+    for indices, scale, own, old in (
         (layout.control, scaling.u, nlp.scheme.control_nodes, held.u),
         (layout.state[:, 1:], scaling.x, nlp.scheme.nodes[1:], held.x[:, 1:]),
     ):
         load = np.einsum("kl,la->ka", shared, old.sum(axis=1)) * scale
-        np.add.at(limits, places, np.repeat(load[:, None] / len(own), len(own), axis=1))
+        np.add.at(limits, indices, np.repeat(load[:, None] / len(own), len(own), axis=1))
     limits[layout.state[0, 0]] = held.x[0, 0] * scaling.x
     limits[layout.state[-1, -1]] = held.x[-1, -1] * scaling.x
     if held.ends.shape == nlp.ends.shape:
         rows[nlp.ends] = held.ends
     if len(held.path) == len(grid) and held.path.shape[1] == sum(r.shape[1] for r in nlp.path):
         column = 0
-        for places in nlp.path:
-            rows[places] = held.path[:, column : column + places.shape[1]]
-            column += places.shape[1]
+        for indices in nlp.path:
+            rows[indices] = held.path[:, column : column + indices.shape[1]]
+            column += indices.shape[1]
     return limits, rows

@@ -17,8 +17,8 @@ def measures(solution: Solution) -> dict[str, float]:
         solution: of any status.
     """
     results = {"cost": float(solution.cost), "duration": float(solution.duration)}
-    places = np.unique(np.concatenate([[0.0, 0.5, 1.0], solution.scheme.points]))
-    peak = np.max(np.abs(solution.samples(places)[3]), axis=0)
+    points = np.unique(np.concatenate([[0.0, 0.5, 1.0], solution.scheme.points]))
+    peak = np.max(np.abs(solution.samples(points)[3]), axis=0)
     points, weights = np.polynomial.legendre.leggauss(8)
     u = solution.samples((points + 1.0) / 2.0)[3].reshape(len(solution.grid), len(points), -1)
     mean = np.einsum("k,s,ksi->i", solution.grid.widths, weights / 2.0, u**2)

@@ -64,7 +64,7 @@ class StudyTable:
     def results(self) -> tuple[str, ...]:
         """Names of the results."""
         return tuple(
-            dict.fromkeys(name for record in self.records if record for name in record.results if name != "verified")
+            dict.fromkeys(name for result in self.records if result for name in result.results if name != "verified")
         )
 
     @property
@@ -75,12 +75,12 @@ class StudyTable:
     @property
     def ok(self) -> Array:
         """(n,) whether each case is solved."""
-        return np.array([record is not None and record.ok for record in self.records])
+        return np.array([result is not None and result.ok for result in self.records])
 
     @property
     def failures(self) -> dict[int, str]:
         """Number of each failed case -> its message."""
-        return {k: record.message for k, record in enumerate(self.records) if record is not None and not record.ok}
+        return {k: result.message for k, result in enumerate(self.records) if result is not None and not result.ok}
 
     def row(self, number: int) -> dict[str, Any]:
         """Return all columns of a case.
@@ -91,17 +91,17 @@ class StudyTable:
         Raises:
             ValueError: no such case.
         """
-        record = self.records[self._number(number)]
-        words = _words(record)
-        numbers = {name: record.results.get(name, math.nan) if record and record.ok else math.nan
+        result = self.records[self._number(number)]
+        words = _words(result)
+        numbers = {name: result.results.get(name, math.nan) if result and result.ok else math.nan
                    for name in self.results}  # fmt: skip
-        seconds = record.timings.get("total", math.nan) if record else math.nan
+        seconds = result.timings.get("total", math.nan) if result else math.nan
         return {**numbers, **self.cases[number], **words, "seconds": seconds}
 
     @property
     def unresolved(self) -> tuple[int, ...]:
         """Numbers of the solved cases whose grid does not resolve the motion."""
-        return tuple(k for k, record in enumerate(self.records) if _words(record)["resolved"] == "no")
+        return tuple(k for k, result in enumerate(self.records) if _words(result)["resolved"] == "no")
 
     def _number(self, number: object) -> int:
         return checks.whole("number", number, 0, len(self) - 1, "a case")
@@ -148,9 +148,9 @@ class StudyTable:
             ValueError: no such case, or nothing is stored for it.
         """
         checks.instance("problem", problem, Problem | None, "the Problem it solves, or None")
-        record = self.records[self._number(number)]
-        content = self.read(record.id, "solution") if record else None
-        if content is None or record is None:
+        result = self.records[self._number(number)]
+        content = self.read(result.id, "solution") if result else None
+        if content is None or result is None:
             raise ValueError(f"solution: nothing is stored for case {number}, {self.cases[number]}")
         return decode(content, problem, f"solution of case {number}, {checks.shown(self.cases[number])}")
 
@@ -232,8 +232,8 @@ class StudyTable:
             part.write_bytes(content.getvalue())
 
     def __str__(self) -> str:
-        counts = Counter(record.status if record else "open" for record in self.records)
-        ways = Counter(record.way for record in self.records if record and record.ok)
+        counts = Counter(result.status if result else "open" for result in self.records)
+        ways = Counter(result.way for result in self.records if result and result.ok)
         seconds = self["seconds"][self.ok]
         lines = [f"{len(self)} cases: {', '.join(f'{count} {name}' for name, count in counts.items())}"]
         lines += [f"  {count:5d}  {way}" for way, count in ways.most_common()]
@@ -250,16 +250,16 @@ class StudyTable:
         return "\n".join(lines)
 
 
-def _words(record: CaseResult | None) -> dict[str, str]:
+def _words(result: CaseResult | None) -> dict[str, str]:
     """Return the columns of a case that are texts."""
-    if record is None:
+    if result is None:
         return {**dict.fromkeys(WORDS, ""), "status": "open"}
-    solved = record.ok and "iterations" in record.results and "solver" in record.timings
-    verified = record.results.get("verified", math.nan)
+    solved = result.ok and "iterations" in result.results and "solver" in result.timings
+    verified = result.results.get("verified", math.nan)
     return {
-        "status": record.status,
-        "way": record.way,
-        "message": record.message,
-        "resolved": ("no" if UNRESOLVED in record.message else "yes") if solved else "",
+        "status": result.status,
+        "way": result.way,
+        "message": result.message,
+        "resolved": ("no" if UNRESOLVED in result.message else "yes") if solved else "",
         "verified": "" if math.isnan(verified) else "yes" if verified else "no",
     }

@@ -118,8 +118,8 @@ def _symbols(problem: Problem, layout: Layout, free: Array, scaling: Scaling) ->
     shared = ca.SX.sym("shared", 1 - fixed + len(free))
     p, given = ca.SX.sym("p", problem.system.p.numel()), ca.SX.sym("T", fixed)
     parameters = ca.SX(p)
-    for place, number in enumerate(free):
-        parameters[int(number)] = shared[1 - fixed + place] * scaling.free[place]
+    for index, number in enumerate(free):
+        parameters[int(number)] = shared[1 - fixed + index] * scaling.free[index]
     duration = given if fixed else shared[0] * scaling.horizon
     return _Symbols(shared, p, given, duration, parameters, scaling)
 
@@ -156,11 +156,11 @@ def _element(
     linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
     return Local(
         ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
-        (symbols.p, symbols.given, width), linear, terms, _places(layout, np.arange(n), arc), inner,
+        (symbols.p, symbols.given, width), linear, terms, _indices(layout, np.arange(n), arc), inner,
     )  # fmt: skip
 
 
-def _places(layout: Layout, elements: Array, arc: Array) -> Array:
+def _indices(layout: Layout, elements: Array, arc: Array) -> Array:
     """Return the indices (nw, e) of states, controls, duration and free parameters of elements."""
     e = len(elements)
     durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
@@ -185,22 +185,22 @@ def _ends(
 
     at = [layout.state[0, 0], layout.control[0].ravel(), layout.state[-1, -1], layout.control[-1].ravel()]
     # The first element may be the last one as well.
-    places = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
-    number = np.searchsorted(places, np.concatenate([*at, layout.horizon[:1], layout.free]))
+    indices = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
+    number = np.searchsorted(indices, np.concatenate([*at, layout.horizon[:1], layout.free]))
     shared = symbols.shared.numel()
     inner = block_diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
-    linear = np.zeros((len(rows) + 1, len(places)))
-    linear[-1, np.isin(places, layout.horizon)] = minimise.time * symbols.scaling.horizon
+    linear = np.zeros((len(rows) + 1, len(indices)))
+    linear[-1, np.isin(indices, layout.horizon)] = minimise.time * symbols.scaling.horizon
     return Local(
         ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), linear,
-        [(np.eye(len(rows) + 1), inner @ np.eye(len(places))[number])], places[:, None],
+        [(np.eye(len(rows) + 1), inner @ np.eye(len(indices))[number])], indices[:, None],
     )  # fmt: skip
 
 
 def _chosen(
     problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, condition: Condition, arc: Array
 ) -> Local:
-    """Return the function of a condition at places of chosen elements."""
+    """Return the function of a condition at points of chosen elements."""
     system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
     inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
     x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
@@ -215,7 +215,7 @@ def _chosen(
         terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
     linear = np.zeros((count * points + 1, m * nx + c * nu + shared))
     return Local(
-        values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _places(layout, condition.elements, arc)
+        values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _indices(layout, condition.elements, arc)
     )
 
 
@@ -232,9 +232,14 @@ def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) ->
     value = penalty.weight / 2.0 * width * symbols.duration * squares
     rest = c * nu + shared.numel()
     inner = np.hstack([np.zeros((rest, m * nx)), np.eye(rest)])
-    places = _places(layout, penalty.elements, arc)
+    indices = _indices(layout, penalty.elements, arc)
     return Local(
-        value, ca.vertcat(u, shared), (width, reference), np.zeros((1, len(places))), [(np.ones((1, 1)), inner)], places
+        value,
+        ca.vertcat(u, shared),
+        (width, reference),
+        np.zeros((1, len(indices))),
+        [(np.ones((1, 1)), inner)],
+        indices,
     )
 
 
@@ -261,10 +266,10 @@ def _control(scheme: Scheme, tau: float, nu: int) -> Array:
 def free_parameters(problem: Problem) -> Array:
     """Return the numbers of the parameters that an along(...) makes unknowns."""
     result = {
-        place
+        index
         for constraint in problem.subject_to
         if constraint.where is Where.ALONG
-        for place, _ in simple(constraint, problem.system.p)
+        for index, _ in simple(constraint, problem.system.p)
     }
     return np.array(sorted(result), dtype=int)
 

@@ -57,7 +57,7 @@ class Grid:
 
     def locate(self, share: np.ndarray) -> np.ndarray:
         """Return the element (len(share),) of each share of the horizon; an inner end belongs to the right."""
-        checks.places("share", share, "shares of the horizon, finite numbers")
+        checks.points("share", share, "shares of the horizon, finite numbers")
         return np.clip(np.searchsorted(self.ends, share, side="right") - 1, 0, len(self) - 1)
 
 

@@ -48,7 +48,7 @@ class Guess:
             if len(rows) != 2 or rows[0] != len(share):
                 raise ValueError(f"Guess: {name} has shape {rows}, expected {len(share)} rows, one for each share")
         checks.number("Guess: duration", self.duration, "a finite number of seconds >= 0", at_least=0.0)
-        free = checks.places("Guess: free", self.free, "values of the free parameters, or no numbers at all")
+        free = checks.points("Guess: free", self.free, "values of the free parameters, or no numbers at all")
         object.__setattr__(self, "free", free)
 
     def state(self, share: Array) -> Array:

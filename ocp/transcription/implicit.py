@@ -33,12 +33,12 @@ class Inner:
     explicit: ca.SX
     solve: Callable[[ca.SX], ca.SX]
 
-    def derivatives(self, arguments: ca.SX, mu: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return dv/dz and the Hessian of mu . v by z.
+    def derivatives(self, arguments: ca.SX, multipliers: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return dv/dz and the Hessian of multipliers . v by z.
 
         Args:
             arguments: (nz,) symbols z.
-            mu: (nv,) symbols of the multipliers.
+            multipliers: (nv,) symbols of the multipliers.
         """
         z, y, v, g = arguments, self.y, self.values, self.residual
         nu = ca.SX.sym("nu", y.numel())
@@ -48,8 +48,8 @@ class Inner:
 
         g_z, v_z, v_y = (put(ca.jacobian(*pair)) for pair in ((g, z), (v, z), (v, y)))
         y_z = -ca.horzcat(*(self._solved(g_z[:, k]) for k in range(z.numel())))
-        hessian = ca.hessian(ca.dot(mu, v) - ca.dot(nu, g), ca.vertcat(z, y))[0]
-        result = self.solve(ca.densify(v_y.T @ mu))
+        hessian = ca.hessian(ca.dot(multipliers, v) - ca.dot(nu, g), ca.vertcat(z, y))[0]
+        result = self.solve(ca.densify(v_y.T @ multipliers))
         hessian = ca.sparsify(ca.substitute(hessian, ca.vertcat(y, nu), ca.vertcat(self.explicit, result)))
         frame = ca.sparsify(ca.vertcat(ca.SX.eye(z.numel()), y_z))
         return v_z + v_y @ y_z, frame.T @ hessian @ frame

@@ -80,7 +80,7 @@ def _at_junction(nlp: Nlp, expression: ca.SX, z: ca.MX, s: ca.MX, end: int) -> c
     system, layout, scaling = nlp.problem.system, nlp.layout, nlp.scaling
     function = ca.Function("link", [system.x, system.p], [expression])
     p = [s[i] for i in range(system.p.numel())]
-    for place, number in enumerate(nlp.free):
-        p[int(number)] = z[int(layout.free[place])] * scaling.free[place]
+    for k, number in enumerate(nlp.free):
+        p[int(number)] = z[int(layout.free[k])] * scaling.free[k]
     x = z[layout.state[end, end].tolist()] * ca.DM(scaling.x)
     return function(x, ca.vertcat(*p) if p else ca.MX(0, 1))

@@ -34,7 +34,7 @@ class Nlp:
     expressions: Mapping[str, ca.MX]  # x, p, f, g
     derivatives: Mapping[str, ca.Function]  # grad_f, jac_g, hess_lag
     defects: Array  # (N, rows, nx) rows of g
-    path: tuple[Array, ...]  # for each path part (N, places) rows of g
+    path: tuple[Array, ...]  # for each path part (N, points) rows of g
     ends: Array  # (nb,) rows of g
     path_parts: tuple[tuple[int, int], ...]  # (constraint, component) of each path row
     ends_parts: tuple[tuple[int, int, Where], ...]  # of each end row, and at which end
@@ -55,9 +55,9 @@ def bounds(nlp: Nlp) -> tuple[Array, Array, Array, Array]:
     system = problem.system
     low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
 
-    def tighten(places: Array, lower: Array, upper: Array, scale: Array) -> None:
-        low[places] = np.maximum(low[places], lower / scale)
-        high[places] = np.minimum(high[places], upper / scale)
+    def tighten(indices: Array, lower: Array, upper: Array, scale: Array) -> None:
+        low[indices] = np.maximum(low[indices], lower / scale)
+        high[indices] = np.minimum(high[indices], upper / scale)
 
     tighten(layout.state, *problem.limits(Where.ALONG, system.x), scaling.x)
     tighten(layout.control, *problem.limits(Where.ALONG, system.u), scaling.u)
@@ -70,12 +70,12 @@ def bounds(nlp: Nlp) -> tuple[Array, Array, Array, Array]:
         lower, upper = problem.limits(Where.ALONG, system.p)
         tighten(layout.free, lower[nlp.free], upper[nlp.free], scaling.free)
     rows_low, rows_high = np.zeros(nlp.rows), np.zeros(nlp.rows)
-    for place, (i, c) in enumerate(nlp.path_parts):
+    for part, (i, c) in enumerate(nlp.path_parts):
         constraint = problem.subject_to[i]
-        rows_low[nlp.path[place]] = constraint.lower[c]
-        rows_high[nlp.path[place]] = constraint.upper[c]
-    for place, (i, c, _) in enumerate(nlp.ends_parts):
+        rows_low[nlp.path[part]] = constraint.lower[c]
+        rows_high[nlp.path[part]] = constraint.upper[c]
+    for part, (i, c, _) in enumerate(nlp.ends_parts):
         constraint = problem.subject_to[i]
-        rows_low[nlp.ends[place]] = constraint.lower[c]
-        rows_high[nlp.ends[place]] = constraint.upper[c]
+        rows_low[nlp.ends[part]] = constraint.lower[c]
+        rows_high[nlp.ends[part]] = constraint.upper[c]
     return low, high, rows_low, rows_high

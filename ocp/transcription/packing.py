@@ -34,8 +34,8 @@ def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
     starts, widths = grid.ends[:-1, None], grid.widths[:, None]
     z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
     # A constant control takes the value of the guess in the middle of its element.
-    places = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
-    z[layout.control] = guess.control(starts + widths * places) / scaling.u
+    nodes = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
+    z[layout.control] = guess.control(starts + widths * nodes) / scaling.u
     z[layout.horizon] = guess.duration / scaling.horizon
     nominal = np.array([values[number] for number in nlp.free])
     z[layout.free] = (guess.free if len(guess.free) == len(nominal) else nominal) / scaling.free

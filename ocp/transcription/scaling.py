@@ -87,13 +87,13 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     p = ca.DM(list(values))
     function = slopes_of(system)
     # Rates at a handful of guessed states with every control at its lower and upper limit.
-    places = guess.x[:: max(1, len(guess.x) // 4)]
+    points = guess.x[:: max(1, len(guess.x) // 4)]
     # In the guess, terms of a rate may cancel; slightly different states show how large they are.
-    places = np.vstack([places, places * probes(places.shape, 0.95, 1.0)])
-    nu, count = system.u.numel(), len(places)
+    points = np.vstack([points, points * probes(points.shape, 0.95, 1.0)])
+    nu, count = system.u.numel(), len(points)
     held = np.zeros((nu, count)), ca.repmat(p, 1, count)
     slopes = np.abs(
-        np.array(function.map(count)(places.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
+        np.array(function.map(count)(points.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
     )
     slopes[~np.isfinite(slopes)] = 0.0
     units = [label.unit for label in system.label("x", len(limited))]
@@ -108,7 +108,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
     u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
     corners = np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u
-    x_all, u_all = np.repeat(places, len(corners), axis=0), np.tile(corners, (count, 1))
+    x_all, u_all = np.repeat(points, len(corners), axis=0), np.tile(corners, (count, 1))
     built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
     built[~np.isfinite(built)] = 0.0
     reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))

@@ -65,8 +65,8 @@ def main(name: str, method: str) -> None:
     warnings.simplefilter("ignore")
     os.environ["OPENMDAO_REPORTS"] = "0"
     dymos = importlib.import_module("dymos")
-    with tempfile.TemporaryDirectory() as place:
-        os.chdir(place)
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
         begun = time.perf_counter()
         problem = build(CASES[name](), dymos)
         setup, once = time.perf_counter() - begun, problem.run_driver

@@ -29,7 +29,7 @@ class Curve:
     def lasting(self) -> tuple[Point, ...]:
         """The valid points, each with the largest error of itself and all finer ones.
 
-        An error that changes its sign along the curve is small by luck at one place; such luck is no accuracy.
+        An error that changes its sign along the curve is small by luck at one point; such luck is no accuracy.
         """
         results: list[Point] = []
         worst = 0.0

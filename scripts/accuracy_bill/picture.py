@@ -65,8 +65,8 @@ def diagram(axes: Axes, curves: Sequence[Curve], floor: float, heading: str, err
 
 def write(path: Path, halves: Sequence[Half], title: str) -> None:
     """Draw one diagram for each half beside each other; the file appears when it is complete."""
-    figure, places = plt.subplots(1, len(halves), figsize=(6.2 * len(halves), 6.6), squeeze=False, layout="constrained")
-    for axes, half in zip(places[0], halves, strict=True):
+    figure, panels = plt.subplots(1, len(halves), figsize=(6.2 * len(halves), 6.6), squeeze=False, layout="constrained")
+    for axes, half in zip(panels[0], halves, strict=True):
         diagram(axes, *half)
     figure.suptitle(title, fontsize=11)
     saved(figure, path)

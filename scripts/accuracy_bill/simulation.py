@@ -30,7 +30,7 @@ FORMS = {"lagrange": lagrange, "hamel": hamel, "canonical": canonical}
 PLACES = 8  # times, beside the end, at which errors are taken
 LEVELS = (1e-3, 1e-5, 1e-7, 1e-9)  # errors at which forms are compared
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-DIVISIONS = tuple(2**k for k in range(5, 14))  # steps of fixed width over the horizon
+STEP_COUNTS = tuple(2**k for k in range(5, 14))  # steps of fixed width over the horizon
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Row:
     method: str
     setting: float  # relative tolerance, or step [s]
     unit: str  # "" for a tolerance, "s" for a step
-    error: float  # largest of q and v at all places, relative to the largest value of the component
+    error: float  # largest of q and v at all times, relative to the largest value of the component
     seconds: float  # median of the runs
     evaluations: int  # of f
 
@@ -65,14 +65,14 @@ class Table:
 
 
 def settings(
-    horizon: float, tolerances: Sequence[float] = TOLERANCES, divisions: Sequence[int] = DIVISIONS
+    horizon: float, tolerances: Sequence[float] = TOLERANCES, step_counts: Sequence[int] = STEP_COUNTS
 ) -> tuple[Setting, ...]:
     """Return the ladder of all integrators with their tolerances and steps.
 
     Args:
         horizon: [s].
         tolerances: relative and absolute, of the integrators with error control.
-        divisions: numbers of steps over the horizon, of those without.
+        step_counts: numbers of steps over the horizon, of those without.
     """
     made: list[Setting] = []
     adaptive = (
@@ -89,7 +89,7 @@ def settings(
         "gauss(2)": lambda step: integrators.gauss(2, step),
     }
     for name, of_step in fixed.items():
-        made += [Setting(name, horizon / n, "s", of_step(horizon / n)) for n in divisions]
+        made += [Setting(name, horizon / n, "s", of_step(horizon / n)) for n in step_counts]
     return tuple(made)
 
 
@@ -136,12 +136,12 @@ def measure(
     Raises:
         RuntimeError: the reference of a form did not reach the end.
     """
-    places = horizon * np.arange(1, PLACES + 1) / PLACES
+    times = horizon * np.arange(1, PLACES + 1) / PLACES
     references: list[Array] = []
     rougher: list[Array] = []
     for name, (system, x0) in cases.items():
         for tol, kept in ((1e-13, references), (1e-12, rougher)):
-            motion = simulate(system, x0, control, places, breaks=breaks, rtol=tol, atol=tol)
+            motion = simulate(system, x0, control, times, breaks=breaks, rtol=tol, atol=tol)
             if not motion.ok:
                 raise RuntimeError(f"measure: no reference for the form {name}: {motion.message}")
             kept.append(np.hstack([motion.signal("q"), motion.signal("v")]))
@@ -158,7 +158,7 @@ def measure(
                 if turn > 1 and max(seconds[key]) > longest:
                     continue
                 begun = time.perf_counter()
-                motion = simulate(system, x0, control, places, breaks=breaks, method=setting.method)
+                motion = simulate(system, x0, control, times, breaks=breaks, method=setting.method)
                 spent = time.perf_counter() - begun
                 if turn == 0:  # the first run derives and compiles, as a user pays once for each system
                     far = np.abs(np.hstack([motion.signal("q"), motion.signal("v")]) - reference) / size

@@ -38,11 +38,11 @@ class Element:
     w: ca.SX  # x at the four nodes, u, T if free
     defects: ca.SX
     cost: ca.SX
-    places: Array  # (nw, N) of the unknowns in z
+    indices: Array  # (nw, N) of the unknowns in z
     x_first: ca.SX
     x_last: ca.SX
     ends: ca.SX  # conditions at the ends that are no bounds, each = 0
-    ends_places: Array
+    ends_indices: Array
     size: int
     time: float  # cost of one unit of T
 
@@ -87,22 +87,22 @@ def describe(case: Case, given: Numbers, n: int) -> Element:
     control = DEGREE * nx + np.arange(nu)[:, None]
     size = n * block + nx + free
     shared = np.full((free, n), size - 1)
-    places = np.vstack([start + own, start + block + last, start + control, shared])
+    indices = np.vstack([start + own, start + block + last, start + control, shared])
 
     first, final = ca.SX.sym("first", nx), ca.SX.sym("final", nx)
-    rows, place = [], 0
+    rows, offset = [], 0
     for pins, end in ((case.start, first), (case.end, final)):
         for expression, values in pins:
-            sizes = given.ends_scale[place : place + expression.numel()]
-            place += expression.numel()
+            sizes = given.ends_scale[offset : offset + expression.numel()]
+            offset += expression.numel()
             if not expression.is_valid_input():
                 result = ca.Function("end", [case.system.x], [expression])(end * given.x_scale)
                 rows.append((result - ca.DM(list(values))) / ca.DM(sizes))
-    ends_places = np.concatenate([np.arange(nx), n * block + np.arange(nx)])
+    ends_indices = np.concatenate([np.arange(nx), n * block + np.arange(nx)])
     time = given.duration_scale / given.cost_scale if free else 0.0
     return Element(
-        ca.vertcat(ca.vec(nodes), u, duration), ca.vertcat(*defects), cost, places,
-        first, final, ca.densify(ca.vertcat(*rows)), ends_places, size, time,
+        ca.vertcat(ca.vec(nodes), u, duration), ca.vertcat(*defects), cost, indices,
+        first, final, ca.densify(ca.vertcat(*rows)), ends_indices, size, time,
     )  # fmt: skip
 
 
@@ -110,17 +110,17 @@ def point_and_bounds(case: Case, given: Numbers, element: Element) -> tuple[Arra
     """Return the starting point and the bounds of the scaled unknowns."""
     nx, n, size = case.system.x.numel(), len(given.u), element.size
     z0, low, high = np.zeros(size), np.full(size, -np.inf), np.full(size, np.inf)
-    state, control = element.places[: (DEGREE + 1) * nx].T.reshape(n, -1, nx), element.places[(DEGREE + 1) * nx :].T
+    state, control = element.indices[: (DEGREE + 1) * nx].T.reshape(n, -1, nx), element.indices[(DEGREE + 1) * nx :].T
     control = control[:, : given.u.shape[1]]
     z0[state], z0[control] = given.x / given.x_scale, given.u / given.u_scale
     low[state], high[state] = case.x[0] / given.x_scale, case.x[1] / given.x_scale
     low[control], high[control] = case.u[0] / given.u_scale, case.u[1] / given.u_scale
     position = {symbol.element_hash(): i for i, symbol in enumerate(ca.vertsplit(case.system.x))}
-    for pins, places in ((case.start, state[0, 0]), (case.end, state[-1, -1])):
+    for pins, indices in ((case.start, state[0, 0]), (case.end, state[-1, -1])):
         for expression, values in pins:
             if expression.is_valid_input():
                 which = [position[symbol.element_hash()] for symbol in ca.vertsplit(expression)]
-                low[places[which]] = high[places[which]] = np.asarray(values) / given.x_scale[which]
+                low[indices[which]] = high[indices[which]] = np.asarray(values) / given.x_scale[which]
     if case.free:
         z0[-1], low[-1] = given.duration / given.duration_scale, 0.0
     return np.clip(z0, low, high), low, high
@@ -131,7 +131,7 @@ def by_elements(element: Element, n: int) -> Parts:
     size, rows_in, ends = element.size, element.defects.numel(), ca.vertcat(element.x_first, element.x_last)
     rows = rows_in * n + element.ends.numel()
     z, lam_f, lam_g = ca.MX.sym("z", size), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
-    w, ends_w = _pick(z, element.places), z[element.ends_places.tolist()]
+    w, ends_w = _pick(z, element.indices), z[element.ends_indices.tolist()]
 
     def inside(*outputs: ca.SX, inputs: tuple[ca.SX, ...] = ()) -> ca.Function:
         return ca.Function("element", [element.w, *inputs], ca.cse([ca.densify(o) for o in outputs])).map(n)
@@ -146,7 +146,7 @@ def by_elements(element: Element, n: int) -> Parts:
     r, c = (np.array(part, dtype=int) for part in jacobian.sparsity().get_triplet())
     er, ec = (np.array(part, dtype=int) for part in ends_jacobian.sparsity().get_triplet())
     r = np.concatenate([(r[:, None] + rows_in * np.arange(n)).T.ravel(), rows_in * n + er])
-    c = np.concatenate([element.places[c].T.ravel(), element.ends_places[ec]])
+    c = np.concatenate([element.indices[c].T.ravel(), element.ends_indices[ec]])
     jac_g = ca.Function(
         "nlp_jac_g", [z, ca.MX(0, 1)], [g, _gather(r, c, ca.vertcat(ca.vec(slopes), ends_slopes), (rows, size))],
         ["x", "p"], ["g", "jac_g_x"],
@@ -157,13 +157,13 @@ def by_elements(element: Element, n: int) -> Parts:
     upper = ca.triu(ca.hessian(lagrangian, element.w)[0])
     second = inside(_nonzeros(upper), inputs=(lam, lam_cost))
     curvature = second(w, ca.reshape(lam_g[: rows_in * n], rows_in, n), ca.repmat(lam_f, 1, n))
-    a, b = (element.places[list(part)].T.ravel() for part in upper.sparsity().get_triplet())
+    a, b = (element.indices[list(part)].T.ravel() for part in upper.sparsity().get_triplet())
     hessian = _gather(np.minimum(a, b), np.maximum(a, b), ca.vec(curvature), (size, size))
     if element.ends.numel():
         lam_end = ca.SX.sym("lam", element.ends.numel())
         upper = ca.triu(ca.hessian(ca.dot(lam_end, element.ends), ends)[0])
         curvature = at_ends(_nonzeros(upper), inputs=(lam_end,))(ends_w, lam_g[rows_in * n :])
-        a, b = (element.ends_places[list(part)] for part in upper.sparsity().get_triplet())
+        a, b = (element.ends_indices[list(part)] for part in upper.sparsity().get_triplet())
         hessian += _gather(a, b, curvature, (size, size))
     hess_lag = ca.Function(
         "nlp_hess_l", [z, ca.MX(0, 1), lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
@@ -173,7 +173,7 @@ def by_elements(element: Element, n: int) -> Parts:
     if not element.cost.is_zero():
         slope = ca.jacobian(element.cost, element.w)
         costs, slopes = inside(element.cost, _nonzeros(slope))(w)
-        touched = element.places[slope.sparsity().get_col()].T.ravel()
+        touched = element.indices[slope.sparsity().get_col()].T.ravel()
         f += ca.sum2(costs)
         gradient += _gather(touched, np.zeros_like(touched), ca.vec(slopes), (size, 1))
     grad_f = ca.Function("nlp_grad_f", [z, ca.MX(0, 1)], [f, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"])
@@ -197,21 +197,21 @@ def _whole(element: Element, n: int, z: Any) -> dict[str, Any]:
     inside = ca.Function("element", [element.w], [element.defects, element.cost])
     at_ends = ca.Function("ends", [ca.vertcat(element.x_first, element.x_last)], [element.ends])
     if isinstance(z, ca.SX):
-        parts = [inside(z[element.places[:, k].tolist()]) for k in range(n)]
+        parts = [inside(z[element.indices[:, k].tolist()]) for k in range(n)]
         defects, cost = ca.vertcat(*(part[0] for part in parts)), ca.sum1(ca.vertcat(*(part[1] for part in parts)))
     else:
-        result, costs = inside.map(n)(_pick(z, element.places))
+        result, costs = inside.map(n)(_pick(z, element.indices))
         defects, cost = ca.vec(result), ca.sum2(costs)
-    g = ca.vertcat(defects, at_ends(z[element.ends_places.tolist()]))
+    g = ca.vertcat(defects, at_ends(z[element.ends_indices.tolist()]))
     return {"x": z, "f": element.time * z[-1] + cost, "g": g}
 
 
-def _pick(z: ca.MX, places: Array) -> ca.MX:
-    return ca.reshape(z[places.T.ravel().tolist()], *places.shape)
+def _pick(z: ca.MX, indices: Array) -> ca.MX:
+    return ca.reshape(z[indices.T.ravel().tolist()], *indices.shape)
 
 
 def _gather(rows: Array, columns: Array, source: ca.MX, shape: tuple[int, int]) -> ca.MX:
-    """Return the sparse matrix with these entries, no two at one place."""
+    """Return the sparse matrix with these entries, no two at one index."""
     order = np.lexsort((rows, columns))
     starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
     pattern = ca.Sparsity(*shape, starts.tolist(), rows[order].tolist())

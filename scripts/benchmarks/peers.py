@@ -164,8 +164,8 @@ def pyomo(case: Case, given: Numbers) -> RunResult:
             for left, value in zip(replay(pinned, [[model.x[s, i] for i in range(nx)]], tool), values, strict=True):
                 model.rows.add(left == float(value))
     model.cost = tool.Objective(expr=model.T if case.free else model.J[1.0])
-    with tempfile.TemporaryDirectory() as place:
-        path = str(Path(place) / "model.nl")
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "model.nl")
         model.write(path)
         started, cpu = time.perf_counter(), time.process_time() - cpu
         builder = ca.NlpBuilder()

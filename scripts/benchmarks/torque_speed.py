@@ -64,10 +64,10 @@ def same_arm(pinocchio: Any, arm: Manipulator) -> Any:
     """Return the torus-like manipulator as a Pinocchio model, from its bodies and joints only."""
     n = arm.nominal
     model = pinocchio.Model()
-    place = pinocchio.SE3.Identity()
-    column = model.addJoint(0, pinocchio.JointModelRZ(), place, "q1")
+    pose = pinocchio.SE3.Identity()
+    column = model.addJoint(0, pinocchio.JointModelRZ(), pose, "q1")
     spin = np.diag([0.0, 0.0, n["Theta_1_33"]])
-    model.appendBodyToJoint(column, pinocchio.Inertia(0.0, np.zeros(3), spin), place)
+    model.appendBodyToJoint(column, pinocchio.Inertia(0.0, np.zeros(3), spin), pose)
     parent, reach = column, np.array([0.0, n["B"], 0.0])
     for k in (2, 3):
         axis = pinocchio.JointModelRevoluteUnaligned(0.0, -1.0, 0.0)
@@ -75,7 +75,7 @@ def same_arm(pinocchio: Any, arm: Manipulator) -> Any:
         tensor = np.array([[n[f"Theta_{k}_{min(i, j)}{max(i, j)}"] for j in (1, 2, 3)] for i in (1, 2, 3)])
         length = n[f"L_{k}"]
         inertia = pinocchio.Inertia(n[f"m_{k}"], np.array([length / 2.0, 0.0, 0.0]), tensor)
-        model.appendBodyToJoint(joint, inertia, place)
+        model.appendBodyToJoint(joint, inertia, pose)
         parent, reach = joint, np.array([length, 0.0, 0.0])
     return model
 

@@ -108,8 +108,8 @@ def _panels(curve: Curves, rows: Sequence[Row]) -> list[Panel]:
 
 def _kept(count: int, samples: int) -> Array:
     """Return the samples that are drawn: all, or start, middle and end of every element of a fine grid."""
-    places = np.arange(count) % samples
-    return np.flatnonzero((places % (samples // 2) == 0) | (count <= MOST))
+    remainders = np.arange(count) % samples
+    return np.flatnonzero((remainders % (samples // 2) == 0) | (count <= MOST))
 
 
 def _drives(drives: Curves) -> str:

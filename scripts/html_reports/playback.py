@@ -55,7 +55,7 @@ def playback(
     points = np.round(corners, 5)
     drawing = go.Figure(data=[_arm(points[0]), *_still(points, shapes, via)])
     drawing.frames = [
-        go.Frame(name=str(k), data=[{"type": "scatter3d", **_places(pose)}], traces=[0])
+        go.Frame(name=str(k), data=[{"type": "scatter3d", **_coordinates(pose)}], traces=[0])
         for k, pose in enumerate(points)
     ]
     step = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
@@ -92,22 +92,22 @@ def playback(
 
 def _arm(pose: Array) -> Any:
     style = {"line": {"width": 9, "color": ARM}, "marker": {"size": 4, "color": ARM}}
-    return plotly().Scatter3d(**_places(pose), mode="lines+markers", name="arm", **style)
+    return plotly().Scatter3d(**_coordinates(pose), mode="lines+markers", name="arm", **style)
 
 
 def _still(points: Array, shapes: Sequence[Any], via: Array | None) -> list[Any]:
     go, tool = plotly(), points[:, -1]
     traces = [
-        go.Scatter3d(**_places(tool), mode="lines", name="path of the tool", line={"width": 5, "color": PATH}),
-        go.Scatter3d(**_places(points[0]), mode="lines", name="arm at the start",
+        go.Scatter3d(**_coordinates(tool), mode="lines", name="path of the tool", line={"width": 5, "color": PATH}),
+        go.Scatter3d(**_coordinates(points[0]), mode="lines", name="arm at the start",
                      line={"width": 3, "color": "#9aa5b1"}),
-        go.Scatter3d(**_places(tool[:1]), mode="markers+text", text=["start"], name="start", marker={"size": 5}),
-        go.Scatter3d(**_places(tool[-1:]), mode="markers+text", text=["goal"], name="goal",
+        go.Scatter3d(**_coordinates(tool[:1]), mode="markers+text", text=["start"], name="start", marker={"size": 5}),
+        go.Scatter3d(**_coordinates(tool[-1:]), mode="markers+text", text=["goal"], name="goal",
                      marker={"size": 5, "symbol": "square"}),
     ]  # fmt: skip
     if via is not None and len(via):
         marker = {"size": 5, "symbol": "diamond", "color": MARK}
-        traces.append(go.Scatter3d(**_places(via), mode="markers", name="via points", marker=marker))
+        traces.append(go.Scatter3d(**_coordinates(via), mode="markers", name="via points", marker=marker))
     for one in shapes:
         (x, y, z), (i, j, k) = np.round(one.mesh[0], 5).T, one.mesh[1].T
         name = f"{one.name} ({'kept inside' if one.inside else 'obstacle'})"
@@ -116,5 +116,5 @@ def _still(points: Array, shapes: Sequence[Any], via: Array | None) -> list[Any]
     return traces
 
 
-def _places(points: Array) -> dict[str, list[float]]:
+def _coordinates(points: Array) -> dict[str, list[float]]:
     return dict(zip("xyz", points.T.tolist(), strict=True))

@@ -151,12 +151,12 @@ def _fits(near: Solution | SequenceSolution, scene: Scene) -> bool:
 
 def _effort(solution: Solution | SequenceSolution, scene: Scene) -> tuple[tuple[float, ...], float, float]:
     """Return the largest |tau| of every drive, the work that the drives deliver, and that less what they take back."""
-    places = (GAUSS + 1.0) / 2.0
-    ends = np.concatenate([[0.0], places, [1.0]])
+    points = (GAUSS + 1.0) / 2.0
+    ends = np.concatenate([[0.0], points, [1.0]])
     peak, work, net = np.zeros(len(scene.machine.coordinates)), 0.0, 0.0
     for leg in phases(solution)[0]:
         peak = np.maximum(peak, np.max(np.abs(at_points(leg, scene.system, "tau", ends)), axis=0))
-        power = at_points(leg, scene.system, "tau", places) * at_points(leg, scene.system, "v", places)
+        power = at_points(leg, scene.system, "tau", points) * at_points(leg, scene.system, "v", points)
         weights = (leg.duration * leg.grid.widths[:, None] * WEIGHTS / 2.0).ravel()
         work += float(weights @ np.sum(np.maximum(power, 0.0), axis=1))
         net += float(weights @ np.sum(power, axis=1))

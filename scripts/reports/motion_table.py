@@ -42,9 +42,9 @@ def tabulate(solution: Solution | SequenceSolution, scene: Scene) -> tuple[np.nd
     return np.concatenate(times), np.vstack(rows), reason
 
 
-def at_points(leg: Solution, system: System, name: str, places: np.ndarray) -> np.ndarray:
-    """Return a signal (K, m) at places of every element, each from inside its element."""
-    t, x, _, u = leg.samples(places)
+def at_points(leg: Solution, system: System, name: str, points: np.ndarray) -> np.ndarray:
+    """Return a signal (K, m) at points of every element, each from inside its element."""
+    t, x, _, u = leg.samples(points)
     function = ca.Function("signal", [system.x, system.u, system.p], [ca.densify(system[name])])
     return np.array(function.map(len(t))(x.T, u.T, parameters(leg, len(t)))).T
 

@@ -179,38 +179,38 @@ def changed(document: Table, changes: Mapping[str, Any]) -> Table:
     entries = json.loads(json.dumps(document.entries))
     for key, value in changes.items():
         *way, last = key.split(".")
-        place: Any = entries
+        target: Any = entries
         for part in way[:-1] if last == "factor" else way:
-            place = _inside(document, place, part, key)
+            target = _inside(document, target, part, key)
         if last == "factor":
             last = way[-1]
-            value = _times(document, _entry(document, place, last, key), float(value), key)
-        if isinstance(place, list):
-            place[_number(document, place, last, key)] = value
-        elif isinstance(place, dict):
-            place[last] = list(value) if isinstance(value, tuple) else value
+            value = _times(document, _entry(document, target, last, key), float(value), key)
+        if isinstance(target, list):
+            target[_number(document, target, last, key)] = value
+        elif isinstance(target, dict):
+            target[last] = list(value) if isinstance(value, tuple) else value
         else:
-            raise document.error(key, f"has no component {last!r}, it is {describe(place)}")
+            raise document.error(key, f"has no component {last!r}, it is {describe(target)}")
     return Table(document.file, document.lines, document.key, entries)
 
 
-def _inside(document: Table, place: Any, part: str, key: str) -> Any:
-    if isinstance(place, dict):
-        return place.setdefault(part, {})
-    return _entry(document, place, part, key)
+def _inside(document: Table, target: Any, part: str, key: str) -> Any:
+    if isinstance(target, dict):
+        return target.setdefault(part, {})
+    return _entry(document, target, part, key)
 
 
-def _entry(document: Table, place: Any, part: str, key: str) -> Any:
-    if isinstance(place, list):
-        return place[_number(document, place, part, key)]
-    if not isinstance(place, dict) or part not in place:
+def _entry(document: Table, target: Any, part: str, key: str) -> Any:
+    if isinstance(target, list):
+        return target[_number(document, target, part, key)]
+    if not isinstance(target, dict) or part not in target:
         raise document.error(key, f"there is no {part!r} to multiply")
-    return place[part]
+    return target[part]
 
 
-def _number(document: Table, place: list[Any], part: str, key: str) -> int:
-    if not part.isdigit() or not 1 <= int(part) <= len(place):
-        raise document.error(key, f"has no component {part!r}, expected a number from 1 to {len(place)}")
+def _number(document: Table, target: list[Any], part: str, key: str) -> int:
+    if not part.isdigit() or not 1 <= int(part) <= len(target):
+        raise document.error(key, f"has no component {part!r}, expected a number from 1 to {len(target)}")
     return int(part) - 1
 
 

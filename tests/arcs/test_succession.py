@@ -290,11 +290,11 @@ def lift(mass):
 
 def test_study_of_systems_of_their_own_carries_structures_over():
     table = Study(lift, over={"mass": [3.0, 3.05, 3.1, 3.15]}, polished=True, checked=0.0).run()
-    assert [record.status for record in table.records] == ["solved"] * 4
-    assert sum(record.way == "carried" for record in table.records) == 3
-    for record in table.records:
-        mass = dict(record.parameters)["mass"]
-        assert record.results["duration"] == pytest.approx(problems.lift_fastest(mass=mass, speed=1.2).cost, rel=1e-11)
+    assert [result.status for result in table.records] == ["solved"] * 4
+    assert sum(result.way == "carried" for result in table.records) == 3
+    for result in table.records:
+        mass = dict(result.parameters)["mass"]
+        assert result.results["duration"] == pytest.approx(problems.lift_fastest(mass=mass, speed=1.2).cost, rel=1e-11)
 
 
 def test_far_neighbour_is_refused_with_the_reason():

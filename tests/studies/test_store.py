@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
 
 
-def record(name, **changes):
+def result(name, **changes):
     given = dict(parameters={"a": 1.0}, status="solved", way="cold", message="", results={"cost": 1.5},
                  timings={"total": 0.1}, solutions={"solution": b"content"})  # fmt: skip
     return CaseResult(name, **{**given, **changes})
@@ -29,8 +29,8 @@ def test_what_is_stored_is_read_back(tmp_path):
     with Store(tmp_path / "s.db") as store:
         store.begin("study", {"grid": "uniform(50)"})
         store.begin("study", {"grid": "another"})
-        store.finish("study", record("one", results={"cost": 1.5, "gap": float("nan")}, origin="zero", structure="s"))
-        store.finish("study", record("two", status="failed", message="no \n luck"))
+        store.finish("study", result("one", results={"cost": 1.5, "gap": float("nan")}, origin="zero", structure="s"))
+        store.finish("study", result("two", status="failed", message="no \n luck"))
     with Store(tmp_path / "s.db", write=False) as store:
         assert store.studies() == {"study": {"grid": "uniform(50)"}}
         found = store.records(["one", "two", "three"])
@@ -49,25 +49,25 @@ def test_what_is_stored_is_read_back(tmp_path):
 def test_tuples_of_a_case_stay_tuples(tmp_path):
     case = {"goal": (1.0, (2.0, 3.0)), "form": "x", "count": 3, "held": True}
     with Store(tmp_path / "s.db") as store:
-        store.finish("study", record("one", parameters=case))
+        store.finish("study", result("one", parameters=case))
         assert store.records(["one"])["one"].parameters == case
 
 
 def test_a_row_that_no_study_wrote_is_damage_that_names_the_file(tmp_path):
     path = tmp_path / "s.db"
     with Store(path) as store:
-        store.finish("study", record("one"))
+        store.finish("study", result("one"))
         for change, words in (("results = '[1]'", "results"), ("attempts = 'many'", "attempts")):
             store._connection.execute(f"update cases set {change}")
             with pytest.raises(StoreError, match=f"s.db: is damaged: {words}"):
                 store.records(["one"])
-            store.finish("study", record("one"))
+            store.finish("study", result("one"))
 
 
 def test_a_later_record_replaces_the_earlier_one_with_its_solutions(tmp_path):
     with Store(tmp_path / "s.db") as store:
-        store.finish("study", record("one", solutions={"phase 1": b"a", "phase 2": b"b"}))
-        store.finish("study", record("one", attempts=2))
+        store.finish("study", result("one", solutions={"phase 1": b"a", "phase 2": b"b"}))
+        store.finish("study", result("one", attempts=2))
         assert store.records(["one"])["one"].attempts == 2
         assert store.solution("one", "phase 1") is None
         assert store.solution("one") == b"content"
@@ -75,14 +75,14 @@ def test_a_later_record_replaces_the_earlier_one_with_its_solutions(tmp_path):
 
 def test_a_store_in_memory_works_alike():
     with Store(None) as store:
-        store.finish("study", record("one"))
+        store.finish("study", result("one"))
         assert store.records(["one"])["one"].ok
 
 
 def test_more_names_than_one_question_takes(tmp_path):
     with Store(tmp_path / "s.db") as store:
         for k in range(1203):
-            store.finish("study", record(str(k), solutions={}))
+            store.finish("study", result(str(k), solutions={}))
         assert len(store.records(map(str, range(1300)))) == 1203
 
 
@@ -90,8 +90,8 @@ def test_the_file_says_what_it_is_even_before_the_log_is_merged(tmp_path):
     """A process that is killed leaves the write-ahead log beside the file."""
     path = tmp_path / "s.db"
     code = (
-        "import os, signal, sys; from ocp.studies.store import Store; from test_store import record\n"
-        f"store = Store({str(path)!r}); store.finish('study', record('one')); os.kill(os.getpid(), signal.SIGKILL)"
+        "import os, signal, sys; from ocp.studies.store import Store; from test_store import result\n"
+        f"store = Store({str(path)!r}); store.finish('study', result('one')); os.kill(os.getpid(), signal.SIGKILL)"
     )
     killed = subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False)
     assert killed.returncode == -signal.SIGKILL
@@ -129,7 +129,7 @@ def test_a_case_belongs_to_one_living_process(tmp_path):
 def _write_many(path, first):
     with Store(path) as store:
         for k in range(first, first + 50):
-            store.finish("study", record(str(k)))
+            store.finish("study", result(str(k)))
 
 
 def test_two_processes_write_at_once(tmp_path):
@@ -163,7 +163,7 @@ def _newer(path):
 def _damaged(path):
     with Store(path) as store:
         for k in range(200):
-            store.finish("study", record(str(k), solutions={"solution": os.urandom(2000)}))
+            store.finish("study", result(str(k), solutions={"solution": os.urandom(2000)}))
         store._connection.execute("pragma wal_checkpoint(truncate)")
     content = bytearray(path.read_bytes())
     for place in range(4096 * 3, len(content), 4096):
@@ -210,14 +210,14 @@ def test_no_store_and_no_file(tmp_path):
 FULL = """
 import resource, signal, sys
 from ocp.studies.store import Store, StoreError
-from test_store import record
+from test_store import result
 path, count = sys.argv[1], 0
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 with Store(path) as store:
     resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
     try:
         while True:
-            store.finish("study", record(str(count), solutions={"solution": bytes(20_000)}))
+            store.finish("study", result(str(count), solutions={"solution": bytes(20_000)}))
             count += 1
     except StoreError as error:
         print(count, error)
@@ -236,17 +236,17 @@ def test_a_full_disk_loses_nothing_that_was_stored(tmp_path):
     assert int(count) > 3
     with Store(path) as store:
         assert len(store.of_study("study")) == int(count)
-        store.finish("study", record("after"))
+        store.finish("study", result("after"))
 
 
 def test_a_store_that_is_read_only_says_so(tmp_path):
     path = tmp_path / "s.db"
     with Store(path) as store:
-        store.finish("study", record("one"))
+        store.finish("study", result("one"))
     with Store(path, write=False) as store:
         assert store.records(["one"])["one"].ok
         with pytest.raises(StoreError, match=r"readonly|read-only"):
-            store.finish("study", record("two"))
+            store.finish("study", result("two"))
     before = path.read_bytes()
     with Store(path) as store:
         assert store.of_study("study") == ["one"]

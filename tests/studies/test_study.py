@@ -32,10 +32,10 @@ def test_a_study_of_parameters_and_limits_finds_the_known_durations():
     assert "cold" in ways
     assert ways & {"warm", "warm, checked"}
     # Cold are the root of the tree and the cases with narrower limits than the neighbour that they start from.
-    limits = {record.id: record.parameters["limit"] for record in table.records}
-    for record in table.records:
-        narrower = record.origin is None or limits[record.id] < limits[record.origin]
-        assert record.way.startswith("cold") == narrower
+    limits = {result.id: result.parameters["limit"] for result in table.records}
+    for result in table.records:
+        narrower = result.origin is None or limits[result.id] < limits[result.origin]
+        assert result.way.startswith("cold") == narrower
     assert table.solution(0).duration == table["duration"][0]
     assert table.solution(0, cart(0.5)).signal("q", 0.0) == pytest.approx(0.0, abs=1e-9)
 
@@ -84,16 +84,16 @@ def test_what_is_stored_is_not_computed_again(tmp_path):
 def test_a_store_that_cannot_be_written_is_no_failure_of_a_case(tmp_path, monkeypatch):
     study, finish, full = carts(store=tmp_path / "s.db"), Store.finish, [True]
 
-    def limited(self, study, record):
-        # Room enough for a short record of a failure, but not for a solution.
-        if full[0] and record.solutions and len(self.records(self.of_study(study))) >= 5:
+    def limited(self, study, result):
+        # Room enough for a short result of a failure, but not for a solution.
+        if full[0] and result.solutions and len(self.records(self.of_study(study))) >= 5:
             raise StoreError(f"{self.path}: cannot be written: database or disk is full")
-        finish(self, study, record)
+        finish(self, study, result)
 
     monkeypatch.setattr(Store, "finish", limited)
     with pytest.raises(StoreError, match="disk is full"):
         study.run()
-    assert sum(record is not None for record in study.table().records) == 5
+    assert sum(result is not None for result in study.table().records) == 5
     assert not study.table().failures
     full[0] = False
     assert results(study.run()) == results(carts().run())

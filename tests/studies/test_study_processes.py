@@ -154,6 +154,6 @@ def test_a_worker_needs_no_more_memory_after_a_thousand_cases(polished):
     with ProcessPoolExecutor(1) as pool:
         table = carts(over=axes, polished=polished, measure=with_memory).run(pool)
     assert np.all(table.ok)
-    order = np.argsort([record.finished for record in table.records], kind="stable")
+    order = np.argsort([result.finished for result in table.records], kind="stable")
     memory = table["memory"][order]
     assert np.max(memory[-500:]) - np.max(memory[:300]) < 3.0, "3 MB are 6 kB for each case"

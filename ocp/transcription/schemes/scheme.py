@@ -55,18 +55,18 @@ class Scheme:
 
     def control_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), c) that takes the control unknowns of an element to u(tau)."""
-        return lagrange_matrix(self.control_nodes, _places(tau))
+        return lagrange_matrix(self.control_nodes, _points(tau))
 
     def state_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), m + e) that takes the data of an element to x(tau).
 
         The data are the m state unknowns and, if `slope_at_start`, h dx/dt at tau = 0 (e = 1, else 0).
         """
-        return self._state_matrix(_places(tau), lagrange_matrix)
+        return self._state_matrix(_points(tau), lagrange_matrix)
 
     def slope_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), m + e) that takes the data of an element to dx/dtau."""
-        return self._state_matrix(_places(tau), slope_matrix)
+        return self._state_matrix(_points(tau), slope_matrix)
 
     def _state_matrix(self, tau: Array, interpolation: Callable[[Array, Array], Array]) -> Array:
         nodes = self.nodes[list(self.basis)]
@@ -85,11 +85,11 @@ class Scheme:
 
     def costate_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), d) that takes costates at the points to lambda(tau)."""
-        return lagrange_matrix(self.points, _places(tau))
+        return lagrange_matrix(self.points, _points(tau))
 
 
-def _places(tau: object) -> Array:
-    return checks.places("tau", tau, "places on the element, numbers near 0 to 1", -FARTHEST, FARTHEST)
+def _points(tau: object) -> Array:
+    return checks.points("tau", tau, "points on the element, numbers near 0 to 1", -FARTHEST, FARTHEST)
 
 
 def _check(degree: int, control: Control, least: int = 1) -> None:
