@@ -139,19 +139,19 @@ class Store:
                 checks.instance("solution", row[0], bytes, "the content of a solution file")
         return None if row is None else bytes(row[0])
 
-    def finish(self, study: str, result: CaseResult) -> None:
-        """Store the result of a case with its solutions and delete the claim on it, in one transaction."""
+    def finish(self, study: str, record: CaseResult) -> None:
+        """Store the record of a case with its solutions and delete the claim on it, in one transaction."""
         checks.text("study", study)
-        checks.instance("result", result, CaseResult, "the CaseResult of a case")
-        row = to_row(replace(result, finished=result.finished or now(), host=result.host or self._host))
+        checks.instance("record", record, CaseResult, "the CaseResult of a case")
+        row = to_row(replace(record, finished=record.finished or now(), host=record.host or self._host))
         marks = ", ".join("?" * len(row))
         with self._transaction() as connection:
             connection.execute(f"insert or replace into cases (study, {COLUMNS}) values (?, {marks})", (study, *row))
-            connection.execute("delete from solutions where id = ?", (result.id,))
+            connection.execute("delete from solutions where id = ?", (record.id,))
             connection.executemany(
-                "insert into solutions values (?, ?, ?)", [(result.id, n, c) for n, c in result.solutions.items()]
+                "insert into solutions values (?, ?, ?)", [(record.id, n, c) for n, c in record.solutions.items()]
             )
-            connection.execute("delete from claims where id = ?", (result.id,))
+            connection.execute("delete from claims where id = ?", (record.id,))
 
     def claim(self, case: str) -> bool:
         """Reserve a case for this process; False if another living process has reserved it."""

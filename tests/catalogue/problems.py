@@ -1,4 +1,4 @@
-"""Optimal-control problems whose optimum is known, each with the source of its number."""
+"""Optimal-control problems whose optimum is known, each with a reference for its number."""
 
 from dataclasses import dataclass
 from math import cosh, inf, pi, sinh, sqrt, tanh

@@ -115,17 +115,17 @@ def test_contenders_run_in_turn_and_medians_are_taken():
 
         return Contender(name, runs)
 
-    told = []
-    rows = measure([contender("a"), contender("b")], problem_scene("P3"), 3, 1e9, Progress(told.append))
+    lines = []
+    rows = measure([contender("a"), contender("b")], problem_scene("P3"), 3, 1e9, Progress(lines.append))
     assert order == list("ababab")
     assert (rows[0].setup, rows[0].total, rows[0].runs) == (2.0, 2.75, 3)
-    assert len(told) == 6
+    assert len(lines) == 6
     row = against(rows, Reference(1.0, 1e-6, "by hand"))[0]
     assert row.error == 0.25
     assert curves([row], Reference(1.25, 0.5, "by hand"))[0].points[0].error == 0.5  # not below that of the reference
     seconds = iter([1.0] * 6)
-    assert measure([contender("a")], problem_scene("P3"), 3, 0.0, Progress(told.append))[0].runs == 1
-    assert told[-1].endswith("round 3 of 3 would exceed 0 s with a\n")
+    assert measure([contender("a")], problem_scene("P3"), 3, 0.0, Progress(lines.append))[0].runs == 1
+    assert lines[-1].endswith("round 3 of 3 would exceed 0 s with a\n")
 
 
 def test_extrapolated_reference_states_an_error_that_holds():

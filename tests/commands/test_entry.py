@@ -127,8 +127,8 @@ def test_files_in_the_default_folder_are_replaced_only_if_asked(
         def isatty(self) -> bool:
             return True
 
-    for answer, agreed in (("y\n", True), ("\n", False), ("no\n", False)):
-        monkeypatch.setattr(sys, "stdin", Terminal(answer))
+    for typed, agreed in (("y\n", True), ("\n", False), ("no\n", False)):
+        monkeypatch.setattr(sys, "stdin", Terminal(typed))
         monkeypatch.setattr(sys, "stderr", Terminal())
         if agreed:
             assert output_folder(options(), "arm").is_dir()

@@ -52,8 +52,8 @@ def test_a_study_is_computed_drawn_and_resumed(tmp_path, capsys):
     assert call(tmp_path, "--dry-run") == 0
     assert "6 cases: 0 stored, 0 failed, 6 to compute" in capsys.readouterr().out
     assert call(tmp_path, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["cases"] == told["solved"] == 6
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["cases"] == printed["solved"] == 6
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"s.csv", "s_contours.png", "s_ranking.png"}
     with (tmp_path / "out" / "s.csv").open(newline="") as file:
@@ -78,9 +78,9 @@ def test_resume_refuses_other_settings(tmp_path, capsys):
 def test_failures_leave_gaps_and_an_exit_status(tmp_path, capsys):
     path = write(tmp_path, '"payload.mass" = [0.0, 1.0, 3000.0]\n')
     assert command.main([str(path), "--output", str(tmp_path / "out")]) == 1
-    told = capsys.readouterr()
-    assert "2 solved" in told.out
-    assert "case 2 {'payload.mass': 3000.0}" in told.out
+    printed = capsys.readouterr()
+    assert "2 solved" in printed.out
+    assert "case 2 {'payload.mass': 3000.0}" in printed.out
     assert (tmp_path / "out" / "s_lines.png").exists()
     with (tmp_path / "out" / "s.csv").open(newline="") as file:
         assert [row["duration [s]"] == "nan" for row in csv.DictReader(file)] == [False, False, True]

@@ -1,4 +1,4 @@
-"""Stability suite: bad input to everything public, and broken files, are answered with one sentence."""
+"""Stability suite: bad input to everything public, and broken files, each lead to an error of one sentence."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 
 from hard_cases import input_files, input_models, input_ocp, input_pairs, input_stores, input_studies, input_trees
 from hard_cases.case import Case, Figure
-from hard_cases.input_call import BAD, Call, Fault, answers, extremes
+from hard_cases.input_call import BAD, Call, Fault, extremes, refusals
 
-Answers = Iterable[tuple[str, str, Fault | None]]
+Refusals = Iterable[tuple[str, str, Fault | None]]
 
 
-def figure(result: Answers) -> Figure:
-    """Return the number of answers that are not one sentence naming the argument, none of which is tolerated."""
+def figure(result: Refusals) -> Figure:
+    """Return the number of bad values that do not lead to one sentence naming the argument; none is tolerated."""
     faults = [fault for _, _, fault in result]
     wrong = [fault for fault in faults if fault is not None]
     note = f"{len(faults)} bad values" + (f"; {wrong[0]}" if wrong else "")
@@ -30,24 +30,24 @@ def _refused(package: Callable[[], tuple[Call, ...]]) -> Callable[[], Iterator[F
                 continue
             call()  # the valid call is one
             if call.arguments:
-                yield figure((*answers(call), *extremes(call)))
+                yield figure((*refusals(call), *extremes(call)))
 
     return measure
 
 
 def _pairs() -> Iterator[Figure]:
-    for _, result in groupby(input_pairs.answers(), key=lambda results: results[0]):
+    for _, result in groupby(input_pairs.refusals(), key=lambda results: results[0]):
         yield figure(result)
 
 
 def _files() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
-        every = (*input_files.answers(Path(folder)), *input_stores.answers(Path(folder)))
+        every = (*input_files.refusals(Path(folder)), *input_stores.refusals(Path(folder)))
         for _, result in groupby(every, key=lambda results: results[0]):
             yield figure(result)
 
 
-QUANTITY = f"answers to {len(BAD)} bad values of each argument that are not one sentence naming it"
+QUANTITY = f"errors for {len(BAD)} bad values of each argument that are not one sentence naming it"
 PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
     ("systems, constraints and problems", input_ocp.systems),
     ("regions", input_ocp.regions),
@@ -66,6 +66,6 @@ PARTS: tuple[tuple[str, Callable[[], tuple[Call, ...]]], ...] = (
 LONG = ("solving, refining, verifying, solutions", "motions, paths, drives")
 CASES: tuple[Case, ...] = (
     *(Case("input", name, QUANTITY, "", _refused(package), name not in LONG) for name, package in PARTS),
-    Case("input", "parts that do not belong together", "answers that are not one sentence naming one", "", _pairs),
-    Case("input", "broken files and stores", "answers that are not one sentence naming the file", "", _files),
+    Case("input", "parts that do not belong together", "errors that are not one sentence naming one", "", _pairs),
+    Case("input", "broken files and stores", "errors that are not one sentence naming the file", "", _files),
 )

@@ -52,7 +52,7 @@ class Case:
         towards: what the distance is, such as "A / L_2"; empty if there is none.
         measure: yields the figures.
         fast: whether it belongs to the ordinary tests; all of them together take seconds.
-        outside: why the case lies outside the declared domain; its failures are told, not counted. Empty for inside.
+        outside: why the case lies outside the declared domain; its failures are listed, not counted. Empty for inside.
     """
 
     group: str

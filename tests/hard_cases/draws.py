@@ -30,7 +30,7 @@ WHOLE = {
     "torus": "torus, full tensors",
 }
 DECADES = 3.0  # to either side: parameters of one dimension differ by up to six decades
-NEAR = 0.25  # share of the coordinates that are drawn near a special place of the machine
+NEAR = 0.25  # share of the coordinates that are drawn near a special position of the machine
 
 
 def parameters(kind: str, random: np.random.Generator, decades: float = DECADES) -> dict[str, float]:
@@ -119,8 +119,8 @@ def states(
     for i, coordinate in enumerate(machine.coordinates):
         near = 10.0 ** random.uniform(-7.0, 0.0, count) * random.choice([-1.0, 1.0], count)
         if coordinate.unit == "rad":
-            places, anywhere = np.pi / 2.0 * random.integers(-2, 3, count), random.uniform(-np.pi, np.pi, count)
-            q[i] = np.where(random.random(count) < NEAR, places + near, anywhere)
+            special, anywhere = np.pi / 2.0 * random.integers(-2, 3, count), random.uniform(-np.pi, np.pi, count)
+            q[i] = np.where(random.random(count) < NEAR, special + near, anywhere)
         else:
             typical = random.choice(sizes, count) * random.normal(size=count)
             q[i] = np.where(random.random(count) < NEAR, near * typical, typical)

@@ -83,7 +83,7 @@ def ended(solution: Solution, distance: float, optimum: float | None = None) -> 
     """
     wrong, report = sound(solution), verify(solution)
     if report.ok and optimum is not None and not abs(solution.duration / optimum - 1.0) <= GAIN:
-        wrong = f"verified, {solution.duration:g} s in place of {optimum:g} s"
+        wrong = f"verified, {solution.duration:g} s instead of {optimum:g} s"
     words = "verified" if report.ok else "; ".join(report.failures)
     return Figure(float(bool(wrong)), 0.0, distance, note=wrong or f"{solution.message} [{words}]")
 
@@ -97,10 +97,10 @@ def exact(solution: Solution, optimum: float, tolerance: float, distance: float)
 
 
 def _coincide() -> Iterable[Figure]:
-    for place in (0.0, 1e-6, 1.0, 1e6):
-        result = solve(point_to_point(carriage(), [place], [place], tau=1.0), grid=GRID)
-        yield Figure(result.duration, 0.0, place, note=result.message)
-        yield Figure(float("start and goal coincide" not in result.message or not verify(result).ok), 0.0, place)
+    for position in (0.0, 1e-6, 1.0, 1e6):
+        result = solve(point_to_point(carriage(), [position], [position], tau=1.0), grid=GRID)
+        yield Figure(result.duration, 0.0, position, note=result.message)
+        yield Figure(float("start and goal coincide" not in result.message or not verify(result).ok), 0.0, position)
     for lower in (0.0, 1e-6, 1e-3, 0.05, 10.0):
         result = solve(lift(0.0, 900.0, horizon=Free(max(lower, 1.0), lower=lower)), grid=GRID)
         yield Figure(abs(result.duration - lower), LEFT * max(lower, 1.0), lower, note=result.message)
@@ -232,7 +232,7 @@ def _at_limits() -> Iterable[Figure]:
 
 
 CASES: tuple[Case, ...] = (
-    Case("extremes", "start and goal coincide", "duration [s]", "place, lower limit", _coincide),
+    Case("extremes", "start and goal coincide", "duration [s]", "position, lower limit", _coincide),
     Case("extremes", "ways from 1e-9 to 1e3", "t_f, relative", "way", _ways),
     Case("extremes", "1e-9 rad to 1e3 turns", "t_f, relative", "turns", _turns),
     Case(

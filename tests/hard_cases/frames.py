@@ -46,9 +46,9 @@ def errors(machine: Manipulator, frame: str, poses: Poses) -> tuple[float, float
             got = np.array(function(np.append(q, np.array(start(q, v)).ravel()), tau)).ravel()
             relative = np.abs(got - a) / np.maximum(np.abs(a), np.finfo(float).tiny) / kappa
             relative[np.isnan(relative)] = np.inf
-            place = int(np.argmax(relative))
-            if not relative[place] <= worst:
-                worst, condition = float(relative[place]), float(kappa[place])
+            index = int(np.argmax(relative))
+            if not relative[index] <= worst:
+                worst, condition = float(relative[index]), float(kappa[index])
     return worst, condition
 
 
@@ -224,6 +224,6 @@ CASES: tuple[Case, ...] = (
 
 
 def paper_spin() -> Iterator[Figure]:
-    """Yield the errors of the frame of the source, which divides by sin(theta) = 1e-3 at one pose."""
+    """Yield the errors of the frame of the paper, which divides by sin(theta) = 1e-3 at one pose."""
     for figure in along(spinning, "paper", INERTIAS):
         yield Figure(figure.value, 1e3 * ROUNDINGS, figure.distance, figure.condition, figure.note)

@@ -55,19 +55,19 @@ def _thousands() -> Iterable[Figure]:
     yield Figure(error, LEFT * 5000 / 20 + SLOPES / 5000**2, 5000, note=result.message)
 
 
-def crowded(place: float, share: float) -> Grid:
-    """Return a grid of 50 elements, 30 of them within a share of the time after a place."""
+def crowded(point: float, share: float) -> Grid:
+    """Return a grid of 50 elements, 30 of them within a share of the time, from a point on."""
     rest = 1.0 - share
-    before = round(20 * place / rest)
-    parts = [np.linspace(0.0, place, before + 1), np.linspace(place, place + share, 31)]
-    return Grid(np.unique(np.append(np.concatenate([*parts, np.linspace(place + share, 1.0, 21 - before)]), 1.0)))
+    before = round(20 * point / rest)
+    parts = [np.linspace(0.0, point, before + 1), np.linspace(point, point + share, 31)]
+    return Grid(np.unique(np.append(np.concatenate([*parts, np.linspace(point + share, 1.0, 21 - before)]), 1.0)))
 
 
 def _crowded() -> Iterable[Figure]:
     """60 % of the elements in 1 % of the time, and in far less."""
     for share in (1e-2, 1e-4, 1e-6, 1e-8):
-        for place in (0.0, 0.3, 1.0 - share):
-            grid = crowded(place, share)
+        for point in (0.0, 0.3, 1.0 - share):
+            grid = crowded(point, share)
             widest = float(np.max(grid.widths))
             result = solve(lift(0.6, FORCE), grid=grid)
             # A switch inside an element of width h costs less than h^2 of the time, times the ratio of accelerations.

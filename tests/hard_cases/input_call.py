@@ -18,7 +18,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent.parent
 LONGEST = 400  # characters of a sentence
 REFUSALS = (ValueError, TypeError, KeyError, OSError)
-# What no user should see first: places in compiled sources, words of other libraries' own errors.
+# What no user should see first: lines of compiled sources, words of other libraries' own errors.
 # What fits, or what there is, or why it cannot be.
 CURE = re.compile(
     r"expected|give|use |there (is|are)|(it|this system) has|must|needs?|leaves nothing|at least|cannot|runs from|lasts"
@@ -95,7 +95,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Fault:
-    """An answer that is none: to which call, which argument, which bad value, and what is wrong with it."""
+    """An error that does not help the user: of which call, argument and bad value, and what is wrong with it."""
 
     call: str
     argument: str
@@ -106,8 +106,8 @@ class Fault:
         return f"{self.call}({self.argument} = {self.bad}): {self.what}"
 
 
-def answers(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
-    """Yield argument, bad value and the fault of the answer, None for a sentence as it should be."""
+def refusals(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield argument, bad value and what is wrong with the error, None where nothing is."""
     for name, argument in call.arguments.items():
         for bad, value in BAD.items():
             if bad not in argument.fits:
@@ -116,7 +116,7 @@ def answers(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
 
 
 def extremes(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
-    """Yield argument, number and the fault of the answer to numbers of extreme size, where a number fits.
+    """Yield argument, number and what is wrong with the error for numbers of extreme size, where a number fits.
 
     Such a number is refused with a sentence, or taken without a warning and without NaN in the result.
     """
@@ -128,57 +128,57 @@ def extremes(call: Call) -> Iterator[tuple[str, str, Fault | None]]:
                 what = "accepted, with NaN in the result" if broken else ""
             except REFUSALS as error:
                 what = sentence(error, (name, *argument.called))
-            except BaseException as error:  # whatever else is no answer, warnings included
+            except BaseException as error:  # anything else, warnings included, is a fault
                 what = f"{type(error).__name__}: {error}"[:300]
             yield name, f"{number:g}", Fault(call.name, name, f"{number:g}", what) if what else None
 
 
 def fault(attempt: Callable[[], object], names: tuple[str, ...], value: tuple[str, ...] = ()) -> str:
-    """Return what is wrong with the answer to an attempt, empty for one sentence that names the argument.
+    """Return what is wrong with the error of an attempt, empty for one sentence that names the argument.
 
     Args:
         attempt: that should be refused.
         names: words by which the sentence may name the argument.
-        value: words of which one must stand in it, as they tell the value; none for no such demand.
+        value: words of which one must stand in it, as they show the value; empty for no such demand.
     """
     try:
         result = attempt()
     except REFUSALS as error:
         return sentence(error, names, value)
-    except BaseException as error:  # whatever else is no answer
+    except BaseException as error:  # anything else is a fault
         return f"{type(error).__name__}: {error}"[:300]
     return f"accepted, {type(result).__name__}"
 
 
 def sentence(error: BaseException, names: tuple[str, ...], value: tuple[str, ...] = ()) -> str:
-    """Return what is wrong with an error as an answer to a user, empty for nothing.
+    """Return what is wrong with an error that a user sees, empty for nothing.
 
     Args:
         error: raised.
         names: words of which one must stand in it.
-        value: words of which one must stand in it, as they tell the value; none if neither this nor what is expected
+        value: words of which one must stand in it, as they show the value; empty if neither this nor what is expected
             is demanded, as of files.
     """
     text = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
-    told = f"{type(error).__name__}: {text[:200]!r}"
+    quoted = f"{type(error).__name__}: {text[:200]!r}"
     if isinstance(error, OSError) and error.filename:
         names = (*names, str(error.filename))
     if not isinstance(error, OSError) and not _raised_here(error):
-        return f"not said by the product: {told}"
+        return f"not said by the product: {quoted}"
     if "\n" in text or not text.strip() or len(text) > LONGEST:
-        return f"no one sentence ({len(text)} characters): {told}"
+        return f"no one sentence ({len(text)} characters): {quoted}"
     if FOREIGN.search(text):
-        return f"words of another library: {told}"
+        return f"words of another library: {quoted}"
     if not any(re.search(rf"(?<!\w){re.escape(name)}(_\d+)*(?!\w)", text) for name in names):
-        return f"does not name {' or '.join(names)}: {told}"
+        return f"does not name {' or '.join(names)}: {quoted}"
     if value and not any(word.lower() in text.lower() for word in value):
-        return f"does not tell the value: {told}"
-    told_how = not value or isinstance(error, OSError) or CURE.search(text)
-    return "" if told_how else f"does not say what is expected: {told}"
+        return f"does not show the value: {quoted}"
+    cured = not value or isinstance(error, OSError) or CURE.search(text)
+    return "" if cured else f"does not say what is expected: {quoted}"
 
 
 def _evidence(value: object) -> tuple[str, ...]:
-    """Return words that tell a value: how it is written, its kind, its size, its parts."""
+    """Return words that show a value: how it is written, its kind, its size, its parts."""
     words = [type(value).__name__, "shape (", "the function" if callable(value) else type(value).__name__]
     if isinstance(value, list | np.ndarray):
         words += [f"has {len(value)}", f"of {len(value)} "]

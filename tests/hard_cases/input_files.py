@@ -185,8 +185,8 @@ TRAJECTORIES: Mapping[str, bytes] = {
 }  # fmt: skip
 
 
-def answers(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
-    """Yield reader, file and the fault of the answer to every broken file, None for a sentence as it should be.
+def refusals(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield reader, file and what is wrong with the error for every broken file, None where nothing is.
 
     Args:
         folder: to write the files in.
@@ -204,6 +204,6 @@ def answers(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
             what = fault(partial(read, path), (path.name,))
             yield reader, name, Fault(reader, suffix, name, what) if what else None
         path.unlink()
-        for name, place in (("missing", folder / "missing.npz"), ("a folder", folder)):
-            what = fault(partial(read, place), (place.name, str(place)))
+        for name, path in (("missing", folder / "missing.npz"), ("a folder", folder)):
+            what = fault(partial(read, path), (path.name, str(path)))
             yield reader, name, Fault(reader, suffix, name, what) if what else None

@@ -29,7 +29,7 @@ from ocp.problem.constraints import Where
 from ocp.solving.nlp_solver import Start
 
 A = Argument
-NAN_TOLD = frozenset({"table"})  # a guess with NaN is told by the solve, which fails by value
+NAN_LATER = frozenset({"table"})  # a guess with NaN is reported by the solve, which fails by value
 
 
 def systems() -> tuple[Call, ...]:
@@ -39,7 +39,9 @@ def systems() -> tuple[Call, ...]:
     arm, problem = example.system(), example.problem()
     constraint = ocp.along(arm["q"], -1.0, 1.0)
     spoken = {name: A(value) for name, value in (("x", x), ("rate", rate))}
-    spoken |= {name: A(value, frozenset({"symbol"})) for name, value in (("u", u), ("p", p))}  # told as those of rate
+    spoken |= {
+        name: A(value, frozenset({"symbol"})) for name, value in (("u", u), ("p", p))
+    }  # named like those of rate
     ends = {
         "expression": A(arm["q"], frozenset({"symbol"})), "lower": A([0.0, 0.0, 0.0], LIMIT - {"inf", "infs"}),
         "upper": A([1.0, 1.0, 1.0], LIMIT - {"negative", "minus_inf"}), "name": A("here", ANY_TEXT),
@@ -121,7 +123,7 @@ def grids() -> tuple[Call, ...]:
     """Return the calls of grids, schemes, guesses, settings and tolerances."""
     grid, guess, scheme = ocp.uniform(4), example.guess(), ocp.radau(3)
     schemes = {"degree": A(3), "control": A(Control.LINEAR)}
-    places = REAL | {"falling", "long", "empty"}
+    points = REAL | {"falling", "long", "empty"}
     solved = {"solution": A(example.solution()), "errors": A(ocp.estimate(example.solution()))}
     tolerances: list[Call] = []
     for kind in (ocp.Cost, ocp.Share, ocp.Seconds):
@@ -134,18 +136,18 @@ def grids() -> tuple[Call, ...]:
     signal = ocp.Signal("q", 1e-3)
     return (
         Call("ocp.Grid", ocp.Grid, {"ends": A([0.0, 0.5, 1.0], NOTHING, ("Grid",))}),
-        Call("Grid.locate", grid.locate, {"share": A(np.array([0.0, 0.3]), places)}),
+        Call("Grid.locate", grid.locate, {"share": A(np.array([0.0, 0.3]), points)}),
         Call("ocp.given", ocp.given, {"ends": A([0.0, 0.5, 1.0], NOTHING, ("Grid",))}),
         Call("ocp.uniform", ocp.uniform, {"elements": A(5)}),
         Call("ocp.radau", ocp.radau, schemes), Call("ocp.legendre", ocp.legendre, schemes),
         Call("ocp.lobatto", ocp.lobatto, schemes),
-        *(Call(f"Scheme.{name}", getattr(scheme, name), {"tau": A(np.array([0.0, 0.5]), places)})
+        *(Call(f"Scheme.{name}", getattr(scheme, name), {"tau": A(np.array([0.0, 0.5]), points)})
           for name in ("control_at", "state_at", "slope_at", "costate_at")),
         Call("ocp.Guess", ocp.Guess, {
-            "share": A([0.0, 1.0]), "x": A([[0.0, 1.0], [1.0, 2.0]], NAN_TOLD), "u": A([[0.0], [1.0]], NAN_TOLD),
+            "share": A([0.0, 1.0]), "x": A([[0.0, 1.0], [1.0, 2.0]], NAN_LATER), "u": A([[0.0], [1.0]], NAN_LATER),
             "duration": A(1.0, AT_LEAST_ZERO), "free": A([], REAL | {"empty", "long", "falling"})}),
-        Call("Guess.state", guess.state, {"share": A(np.array([0.0, 0.3]), places | {"cube"})}),
-        Call("Guess.control", guess.control, {"share": A(np.array([0.0, 0.3]), places | {"cube"})}),
+        Call("Guess.state", guess.state, {"share": A(np.array([0.0, 0.3]), points | {"cube"})}),
+        Call("Guess.control", guess.control, {"share": A(np.array([0.0, 0.3]), points | {"cube"})}),
         Call("ocp.Ipopt", ocp.Ipopt, {
             "tol": A(1e-9, POSITIVE), "max_iter": A(100), "max_seconds": A(5.0, BOUND), "scaled": A(True, TRUTH),
             "progress": A(None, TRUTH | OPTIONAL), "print_level": A(0, frozenset({"zero"})),

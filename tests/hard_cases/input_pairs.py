@@ -150,7 +150,7 @@ def _turns(value: list[float], t: float) -> list[float]:
 def _reached(run: Callable[[], ocp.Trajectory]) -> object:
     result = run()
     if not result.ok:
-        raise ValueError(result.message)  # told by value, as an integration fails
+        raise ValueError(result.message)  # given by value, as an integration fails
     return result
 
 
@@ -172,7 +172,7 @@ def _designed(rows: Any) -> object:
 def _measured(problem: ocp.Problem, value: Any) -> object:
     study = ocp.Study(problem, over={"m": [1.0]}, grid=ocp.uniform(4), measure=lambda solution: value)
     for message in study.run().failures.values():
-        raise ValueError(message)  # told by value, as a case fails
+        raise ValueError(message)  # given by value, as a case fails
     return None
 
 
@@ -197,16 +197,16 @@ def _reloaded(problem: ocp.Problem) -> object:
         return ocp.load(path, problem)
 
 
-def answers() -> Iterator[tuple[str, str, Fault | None]]:
-    """Yield kind, attempt and the fault of its answer, None for a sentence as it should be or for none needed."""
+def refusals() -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield kind, attempt and what is wrong with its error, None where nothing is or where none is needed."""
     for what, attempt, names in effects():
         try:
             attempt()  # a list may fit this machine, or None may mean none
         except (ValueError, TypeError, KeyError) as error:
-            told = sentence(error, names)
-            yield "effects", what, Fault("effects", what, "", told) if told else None
+            wrong = sentence(error, names)
+            yield "effects", what, Fault("effects", what, "", wrong) if wrong else None
         except BaseException as error:
             yield "effects", what, Fault("effects", what, "", f"{type(error).__name__}: {error}"[:300])
     for what, attempt, names in parts():
-        told = fault(attempt, names)
-        yield "parts", what, Fault("parts", what, "", told) if told else None
+        wrong = fault(attempt, names)
+        yield "parts", what, Fault("parts", what, "", wrong) if wrong else None

@@ -57,8 +57,8 @@ def _foreign() -> bytes:
 def _spoilt() -> bytes:
     """Return the good store with the beginning of every page but the first overwritten."""
     content = bytearray(_good())
-    for place in range(PAGE, len(content), PAGE):
-        content[place : place + 64] = b"\xff" * 64
+    for offset in range(PAGE, len(content), PAGE):
+        content[offset : offset + 64] = b"\xff" * 64
     return bytes(content)
 
 
@@ -117,20 +117,20 @@ def _solution(path: Path) -> ocp.Solution:
     return _read(path).solution(1, example.cart())
 
 
-def _places(folder: Path) -> Mapping[str, Path]:
-    """Return places where no store can be."""
+def _unusable_paths(folder: Path) -> Mapping[str, Path]:
+    """Return paths at which no store can be."""
     locked = folder / "locked.db"
     locked.write_bytes(_good())
     locked.chmod(0)
     rights = {"no rights": locked}
     with suppress(OSError), locked.open("rb"):
         rights = {}  # the superuser has them all
-    nowhere = {"no folder": folder / "none" / "study.db", "no place for files": Path("/proc/study.db")}
+    nowhere = {"no folder": folder / "none" / "study.db", "not for files": Path("/proc/study.db")}
     return {"a folder": folder, **nowhere, **rights}
 
 
-def answers(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
-    """Yield reader, file and the fault of the answer to every broken store, None for a sentence as it should be.
+def refusals(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
+    """Yield reader, file and what is wrong with the error for every broken store, None where nothing is.
 
     Whoever only reads a store leaves it as it is.
 
@@ -156,9 +156,9 @@ def answers(folder: Path) -> Iterator[tuple[str, str, Fault | None]]:
             if not what and read is not _run and path.read_bytes() != before:
                 what = "refused, but changed"
             yield reader, name, Fault(reader, "store", name, what) if what else None
-    for name, place in _places(folder).items():
+    for name, path in _unusable_paths(folder).items():
         for reader, read in (("Study.table", _read), ("Study.run", _run)):
-            what = fault(partial(read, place), (place.name, str(place)))
+            what = fault(partial(read, path), (path.name, str(path)))
             yield reader, name, Fault(reader, "store", name, what) if what else None
     for write in (True, False):
         what = fault(partial(ocp.Store, folder, write), ("path",), (folder.name,))

@@ -25,7 +25,7 @@ from ocp.studies.default_measures import measures
 from ocp.studies.main_effects import influences, jumps
 
 A = Argument
-CALLED = frozenset({"function", "kind"})  # whatever can be called is a function; what it answers is told by value
+CALLED = frozenset({"function", "kind"})  # whatever can be called is a function; its errors are given by value
 SHARE = frozenset({"zero", "half"})
 AXIS = frozenset({"words", "truths", "long", "falling", "ragged", "cube"})
 COUNT = frozenset({"zero"})
@@ -137,17 +137,17 @@ def optima() -> tuple[Call, ...]:
     """Return the calls of sensitivities, of structures carried over and of compilation."""
     problem, polished = example.cart(), example.polished()
     known, carried = ocp.sensitivity(polished), ocp.prepare_structure(polished)
-    places = frozenset({"zero", "half", "falling"})
-    place = {"t": A(0.5, places), "held": A(ocp.Held.SHARE)}
+    shares = frozenset({"zero", "half", "falling"})
+    at = {"t": A(0.5, shares), "held": A(ocp.Held.SHARE)}
     x = ca.SX.sym("x")
     square = ca.Function("square", [x], [x**2])
     return (
         Call("ocp.sensitivity", ocp.sensitivity, {
             "solution": A(polished), "names": A("m", OPTIONAL | LIST), "toward": A({"limit": problem}, MAP),
             "problem": A(None, OPTIONAL)}),
-        Call("Sensitivity.x", known.x, place),
-        Call("Sensitivity.u", known.u, place),
-        Call("Sensitivity.signal", known.signal, {"signal": A("q"), **place}),
+        Call("Sensitivity.x", known.x, at),
+        Call("Sensitivity.u", known.u, at),
+        Call("Sensitivity.signal", known.signal, {"signal": A("q"), **at}),
         Call("Sensitivity.switches", known.switches, {"control": A("u", NOTHING, ("row",))}),
         Call("Sensitivity.labels", known.labels, {"signal": A("q"), "name": A("m")}),
         Call("ocp.prepare_structure", ocp.prepare_structure, {

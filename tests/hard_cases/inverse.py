@@ -116,7 +116,7 @@ def folded(value: float, z: Array) -> tuple[Manipulator, Array, Array, Array]:
 
 
 def noise() -> Iterator[Figure]:
-    """Yield the error of the torques of noisy samples in units of the uncertainty that is told, noise 1e-9 to 1e-2 rad.
+    """Yield the error of the torques of noisy samples in units of the stated uncertainty, noise 1e-9 to 1e-2 rad.
 
     Over 401 samples the root mean square of a standard normal deviation is 1 +- 0.2 for some ten independent ones in
     each coordinate; 2 is beyond chance.
@@ -141,10 +141,10 @@ def overflow() -> Iterator[Figure]:
         try:
             motion = Motion.quintic([0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], 10.0**-exponent)
             table = motion.torques(spherical(), [Gravity(G)])
-            told = bool(np.all(np.isfinite(table.rows)))
+            explained = bool(np.all(np.isfinite(table.rows)))
         except ValueError as error:
-            words, told = str(error), "double precision" in str(error) or str(error).startswith("duration: got ")
-        yield Figure(0.0 if told else 1.0, 0.0, 10.0**-exponent, note=words)
+            words, explained = str(error), "double precision" in str(error) or str(error).startswith("duration: got ")
+        yield Figure(0.0 if explained else 1.0, 0.0, 10.0**-exponent, note=words)
 
 
 def _cases() -> Iterator[Case]:
@@ -157,7 +157,7 @@ def _cases() -> Iterator[Case]:
     }
     for name, (make, distance, values) in ways.items():
         yield Case(group, name, share, distance, partial(towards, make, values))
-    yield Case(group, "noise differentiated twice", "error over told uncertainty", "noise [rad, m]", noise)
+    yield Case(group, "noise differentiated twice", "error over stated uncertainty", "noise [rad, m]", noise)
     yield Case(group, "overflow is named", "1 for silence", "duration [s]", overflow)
 
 

@@ -49,8 +49,8 @@ def draw(findings: Sequence[Finding], path: Path) -> None:
         points = _points(finding)
         distance, share = np.array(points).T
         powers = np.clip(np.log10(np.maximum(share, 10.0**LEAST)), LEAST, 0.0)
-        place = np.full(len(points), k)
-        drawn = axes.scatter(distance, place, c=powers, norm=scale, cmap="viridis", s=11, marker="s")
+        at = np.full(len(points), k)
+        drawn = axes.scatter(distance, at, c=powers, norm=scale, cmap="viridis", s=11, marker="s")
         beyond = share > 1.0
         axes.plot(distance[beyond], np.full(beyond.sum(), k), "x", color=LIMIT, markersize=4)
     axes.set_xscale("log")

@@ -100,7 +100,7 @@ METHODS: tuple[Method, ...] = (
 
 
 def refused() -> Iterator[Figure]:
-    """Yield 0 where a motion through the pole in the frame of the source ends with a sentence, 1 where it does not."""
+    """Yield 0 where a motion through the pole in the frame of the paper ends with a sentence, 1 where it does not."""
     for form in FORMS:
         for method in METHODS:
             got = moved(form, "paper", method)
@@ -110,7 +110,7 @@ def refused() -> Iterator[Figure]:
 
 
 def unwatched() -> Iterator[Figure]:
-    """Yield how far the frame of the source misses its tolerance where nobody watches the singularity."""
+    """Yield how far the frame of the paper misses its tolerance where nobody watches the singularity."""
     exact = coordinates(moved(lagrange, "regular", integrators.extrapolation(1e-13, 1e-13)))
     for form in FORMS:
         system, x0 = system_of(form, "paper")
@@ -154,8 +154,8 @@ def optimal() -> Iterator[Figure]:
     for form in (canonical, hamel):
         raw = solved(form)
         theta = raw.signal("q", raw.t)[:, 0]
-        place = int(np.argmin(np.abs(theta)))
-        speed = raw.signal("v", raw.t)[place, 1]
+        index = int(np.argmin(np.abs(theta)))
+        speed = raw.signal("v", raw.t)[index, 1]
         crossing = theta.min() < 0.0 < theta.max() and abs(speed) > 1.0
         best = polish(raw)
         reports = [verify(raw), verify(best)]
@@ -170,7 +170,7 @@ def optimal() -> Iterator[Figure]:
 
 
 def paper_fails() -> Iterator[Figure]:
-    """Yield 0 where the frame of the source fails by value with the sentence that says why."""
+    """Yield 0 where the frame of the paper fails by value with the sentence that says why."""
     for form in FORMS:
         result = solve(task(form, "paper", TO), radau(3), uniform(50))
         named = not result.ok and "the frame 'paper' of the spherical manipulator is singular" in result.message
@@ -183,28 +183,28 @@ def paper_round() -> Iterator[Figure]:
     yield Figure(0.0 if best.ok and np.min(best.signal("q", best.t)[:, 0]) < 0.0 else 1.0, 0.0, note=str(best.duration))
     for form in (canonical, hamel):
         result = solve(task(form, "paper", ROUND), radau(3), uniform(50), Ipopt(max_iter=60), (Smooth(),))
-        told = not result.ok and ("'paper'" in result.message or result.status.name == "LIMIT")
+        explained = not result.ok and ("'paper'" in result.message or result.status.name == "LIMIT")
         sound = result.ok and not verify(result).failures and result.duration >= best.duration - 1e-6
         note = f"{form.__name__}: {result.status.name}, {result.duration:.6g} s, {result.message}"
-        yield Figure(0.0 if told or sound else 1.0, 0.0, note=note)
+        yield Figure(0.0 if explained or sound else 1.0, 0.0, note=note)
 
 
 CASES: tuple[Case, ...] = (
     Case("pole", "through it, Lagrange", "q, v behind it, relative", "C / C_0", lambda: through(lagrange)),
     Case("pole", "through it, Boltzmann-Hamel", "q, v behind it, relative", "C / C_0", lambda: through(hamel)),
     Case("pole", "through it, canonical", "q, v behind it, relative", "C / C_0", lambda: through(canonical)),
-    Case("pole", "through it in the frame of the source", "motions not refused", "", refused, False),
+    Case("pole", "through it in the frame of the paper", "motions not refused", "", refused, False),
     Case(
         "pole",
-        "the frame of the source unwatched",
+        "the frame of the paper unwatched",
         "q, v behind it",
         "",
         unwatched,
         False,
         outside="the frame is singular at theta = 0 and simulate refuses it; these are its equations all the same",
     ),
-    Case("pole", "there and back in the frame of the source", "motions not refused", "", there_and_back, False),
+    Case("pole", "there and back in the frame of the paper", "motions not refused", "", there_and_back, False),
     Case("pole", "best path through it", "complaints; t_f, relative", "", optimal, False),
-    Case("pole", "best path, frame of the source", "solves without the sentence", "", paper_fails),
-    Case("pole", "best path from side to side", "solves neither told nor sound", "", paper_round, False),
+    Case("pole", "best path, frame of the paper", "solves without the sentence", "", paper_fails),
+    Case("pole", "best path from side to side", "solves neither explained nor sound", "", paper_round, False),
 )

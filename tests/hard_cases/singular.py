@@ -73,9 +73,9 @@ def run_into() -> Iterator[Figure]:
             v = speed + turning * (np.arange(len(at)) == [c.name for c in machine.coordinates].index(coordinate))
             got = simulate(system, [*away, *v], np.zeros(len(at)), 0.4, rtol=1e-9, atol=1e-9)
             reached = np.all(np.isfinite(got.x), axis=1)
-            told = names(got.message, machine, coordinate, cure) or "the step vanished" in got.message
+            explained = names(got.message, machine, coordinate, cure) or "the step vanished" in got.message
             yield Figure(
-                0.0 if reached.all() == got.ok and (got.ok or told) else 1.0, 0.0, note=got.message or "passed"
+                0.0 if reached.all() == got.ok and (got.ok or explained) else 1.0, 0.0, note=got.message or "passed"
             )
 
 
@@ -139,8 +139,8 @@ def kinematics() -> Iterator[Figure]:
         result = machine.inverse(axis)
         for k in range(len(axis)):
             free = bool(np.any(np.isnan(result.q[k][:, :2])))
-            told = bool(result.singularities(k) or result.why(k))
-            yield Figure(1.0 if free and not told else 0.0, 0.0, note="; ".join(result.singularities(k)))
+            explained = bool(result.singularities(k) or result.why(k))
+            yield Figure(1.0 if free and not explained else 0.0, 0.0, note="; ".join(result.singularities(k)))
         for start, end in (([0.5, 0.0, 0.6], [-0.5, 0.0, 0.6]), ([0.0, 0.0, 0.6], [0.0, 0.5, 0.6])):
             path = line(start, end)
             law = Motion.trapezoidal(0.0, path.length, 0.5, 2.0)

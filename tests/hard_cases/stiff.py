@@ -62,8 +62,8 @@ def coulomb(name: str) -> Iterator[Figure]:
         with mp.workdps(DIGITS):
             w, v_0 = mp.mpf(width), mp.mpf(v0)
             v = w * mp.asinh(mp.sinh(v_0 / w) * mp.exp(-mp.mpf(f) * time / (mp.mpf(MASS) * w)))
-            places = [v, *(w * k for k in (1, 3, 10, 30, 100) if v < w * k < v_0), v_0]
-            way = mp.mpf(MASS) / f * mp.quad(lambda s, w=w: s / mp.tanh(s / w), places)
+            points = [v, *(w * k for k in (1, 3, 10, 30, 100) if v < w * k < v_0), v_0]
+            way = mp.mpf(MASS) / f * mp.quad(lambda s, w=w: s / mp.tanh(s / w), points)
             exact = np.array([float(way), float(v)])
         system = lagrange(cylindrical(), [Coulomb((0.0, f, 0.0), width)])
         result, message = lift(system, {"v_xi": v0}, 0.0, time, method)
@@ -178,7 +178,9 @@ def _cases() -> Iterator[Case]:
         for name in METHODS:
             yield Case(group, f"{effect}, {name}", quantity, towards, partial(measure, name), name == "the default")
     yield Case(group, "joints that stick, the default", "states [SI]", "width [m/s, rad/s]", sticking)
-    yield Case(group, "explicit steps too long are told", "1 for silence", "time constant [s]", words_of_explicit_steps)
+    yield Case(
+        group, "explicit steps too long are explained", "1 for silence", "time constant [s]", words_of_explicit_steps
+    )
 
 
 CASES: tuple[Case, ...] = tuple(_cases())

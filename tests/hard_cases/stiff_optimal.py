@@ -1,4 +1,4 @@
-"""Stiff effects in optimal control: the optimum goes to that of the limit, and what is not resolved is told."""
+"""Stiff effects in optimal control: the optimum goes to that of the limit, and what is not resolved is explained."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def honesty(make: Callable[[float], tuple[Solution, float]], values: list[float]
         yield Figure(far, TRUE, value, note=words)
 
 
-def told(effect: Callable[[float], Effect], limited: str, values: list[float], most: int) -> Iterator[Figure]:
+def explained(effect: Callable[[float], Effect], limited: str, values: list[float], most: int) -> Iterator[Figure]:
     """Yield 0 for motions that end, after so many iterations at most, verified or with a reason in words, else 1."""
     for k in values:
         result = motion(effect(k), limited, LIMIT, iterations=most)
@@ -109,9 +109,9 @@ def _cases() -> Iterator[Case]:
         true = partial(honesty, make, [values[0], values[3], values[-1]])
         yield Case(group, f"{name}: the drift reported is true", "drift, relative", towards, true, fast=False)
     stiff = [float(k) for k in 10.0 ** np.arange(3, 10, 2)]
-    ends = partial(told, beside, "tau", stiff, 30)
+    ends = partial(explained, beside, "tau", stiff, 30)
     yield Case(group, "rest beside a joint stop", "1 if unexplained", "1 / stiffness [m/N]", ends, fast=False)
-    springs = partial(told, lambda k: ElasticDrive(k, ROTOR), "motor_tau", [1e9], 200)
+    springs = partial(explained, lambda k: ElasticDrive(k, ROTOR), "motor_tau", [1e9], 200)
     yield Case(group, "elastic joint of 1e9", "1 if unexplained", "1 / stiffness [m/N]", springs, fast=False)
 
 

@@ -84,7 +84,7 @@ def draw(seed: int) -> Task:
     """Return the random task of a seed.
 
     Machine, its parameters (ratios up to 1e3), effects, form, frame, ends, limits of torque between 0.9 and 30 times
-    what is needed to hold the ends and to move in about a second, sometimes limits of place or speed, horizon and
+    what is needed to hold the ends and to move in about a second, sometimes limits of position or speed, horizon and
     cost, scheme, shape of the control and grid.
 
     Args:

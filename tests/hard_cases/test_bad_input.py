@@ -1,4 +1,4 @@
-"""Bad input to everything public is answered with one sentence; the table of valid calls stands in scripts/."""
+"""Bad input to everything public is refused with one sentence; the valid calls stand in the files input_*."""
 
 import dataclasses
 import enum
@@ -11,7 +11,7 @@ import ocp
 from hard_cases import input_files, input_pairs, input_stores
 from hard_cases.bad_input import CASES, PARTS, figure
 from hard_cases.case import run
-from hard_cases.input_call import BAD, Fault, answers, extremes, fault
+from hard_cases.input_call import BAD, Fault, extremes, fault, refusals
 from models import effects, forms
 from ocp import integrators
 
@@ -103,7 +103,7 @@ def available(name):
 def test_bad_values_are_refused_in_one_sentence(name):
     call = available(name)
     call()
-    faults = [str(fault) for _, _, fault in answers(call) if fault is not None]
+    faults = [str(fault) for _, _, fault in refusals(call) if fault is not None]
     assert not faults, "\n".join(faults)
 
 
@@ -114,14 +114,14 @@ def test_numbers_of_extreme_size_are_refused_or_taken_without_nan(name):
 
 
 def test_parts_that_do_not_belong_together_are_refused_in_one_sentence():
-    result = list(input_pairs.answers())
+    result = list(input_pairs.refusals())
     faults = [str(fault) for _, _, fault in result if fault is not None]
     assert not faults, "\n".join(faults)
     assert len(result) > 70
 
 
 def test_broken_files_are_refused_in_one_sentence(tmp_path):
-    faults = [str(fault) for _, _, fault in input_files.answers(tmp_path) if fault is not None]
+    faults = [str(fault) for _, _, fault in input_files.refusals(tmp_path) if fault is not None]
     assert not faults, "\n".join(faults)
     good = tmp_path / "good.npz"
     good.write_bytes(input_files._good())
@@ -129,7 +129,7 @@ def test_broken_files_are_refused_in_one_sentence(tmp_path):
 
 
 def test_broken_stores_are_refused_in_one_sentence(tmp_path):
-    result = list(input_stores.answers(tmp_path))
+    result = list(input_stores.refusals(tmp_path))
     assert len(result) > 70
     faults = [str(fault) for _, _, fault in result if fault is not None]
     assert not faults, "\n".join(faults)
@@ -160,7 +160,7 @@ def test_the_judge_sees_bad_answers():
     assert "not said by the product" in fault(lambda: float("a"), ("float",))
     assert "does not name x" in fault(lambda: other(0), ("x",))
     assert "no one sentence" in fault(lambda: lines(0), ("x",))
-    assert "does not tell the value" in fault(lambda: named("x: expected a number"), ("x",), ("nan",))
+    assert "does not show the value" in fault(lambda: named("x: expected a number"), ("x",), ("nan",))
     assert "does not say what is expected" in fault(lambda: named("x: got nan"), ("x",), ("nan",))
     assert fault(lambda: ocp.uniform(0), ("uniform",), ("0",)) == ""
     assert len(BAD) >= 25

@@ -82,7 +82,7 @@ def test_a_dialect_is_the_same_motion(name, tmp_path):
     np.testing.assert_allclose(found.q, Q, atol=1e-10)
     dialects = ("semicolons", "tabs", "spaces", "OpenSim", "list of", "additional", "stream", "header of")
     if name.startswith(dialects):
-        assert found.notes  # it is told
+        assert found.notes  # the dialect is named
 
 
 def test_documents_of_yaml_and_names_of_others(tmp_path):

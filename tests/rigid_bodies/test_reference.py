@@ -158,7 +158,7 @@ def check_random_tree(seed):
         assert abs(float(energy(q)) - engine.potential(q)) < 1e-11 * (1.0 + abs(engine.potential(q)))
         for (form, frame), system in systems.items():
             speed, got = accelerations(system, q, state_of(form, frame, arm, q, v, metric @ v), tau)
-            # An ill-conditioned metric costs both engines digits alike.
+            # An ill-conditioned metric costs both engines the same digits.
             digits = max(1.0, np.linalg.cond(metric) * 1e-3)
             assert relative(speed, v) < EXACT * digits
             assert relative(got, a) < EXACT * digits, (seed, form.__name__, frame)

@@ -1,4 +1,4 @@
-"""Scenes and scene files: cards, prices, degrees, tasks, templates, budgets, and what broken files are told."""
+"""Scenes and scene files: cards, instruction counts, degrees, tasks, templates, budgets, errors of broken files."""
 
 import json
 import math

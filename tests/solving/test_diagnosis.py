@@ -131,8 +131,8 @@ def test_progress_on_a_long_solve(capsys: pytest.CaptureFixture[str], monkeypatc
     monkeypatch.setattr(ipopt, "QUIET_SECONDS", -1.0)
     task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
     assert solve(task, grid=uniform(300), solver=Ipopt(progress=True)).ok
-    told = capsys.readouterr().err
-    assert re.search(r"iteration \d+, cost [\d.]+, infeasibility \d\.\de[-+]\d+, \d+ s", told)
+    printed = capsys.readouterr().err
+    assert re.search(r"iteration \d+, cost [\d.]+, infeasibility \d\.\de[-+]\d+, \d+ s", printed)
     assert solve(task, grid=GRID, solver=Ipopt(progress=False)).ok
     assert capsys.readouterr().err == ""
 
@@ -172,7 +172,7 @@ def test_a_grid_that_does_not_resolve_the_motion_is_told_with_its_drift() -> Non
 def test_the_drift_that_is_told_is_that_of_a_re_integration() -> None:
     system = arm()
     solution = solve(point_to_point(system, FROM, TO, q=WITHIN, tau=DRIVES), lobatto(2), uniform(100))
-    told = re.search(r"by about (\S+) of its largest value", solution.message)
-    assert told is not None
+    printed = re.search(r"by about (\S+) of its largest value", solution.message)
+    assert printed is not None
     largest = float(verify(solution).drift)
-    assert 0.5 * largest < float(told[1]) < 2.0 * largest
+    assert 0.5 * largest < float(printed[1]) < 2.0 * largest

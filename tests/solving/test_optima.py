@@ -54,7 +54,7 @@ def test_three_distinct_optima_and_the_best_first() -> None:
     assert sum(optimum.hits for optimum in optima) <= 16
     assert all(optimum.hits == len(optimum.starts) for optimum in optima)
     assert f"{len(optima)} local optima from 16 starts" in optima[0].solution.message
-    # One start alone reports success and is 8 % slower: that is what the user must be told.
+    # One start alone reports success and is 8 % slower: the user must see that.
     assert solve(task, grid=uniform(20)).duration > 1.05 * costs[0]
     # They are no artefacts of a coarse grid: each stays itself on a finer one, and verifies there.
     finer = [solve(task, radau(5), uniform(60), guess=optimum.solution) for optimum in optima[:3]]

@@ -1,4 +1,4 @@
-"""Parameter studies: known answers, any executor, nothing lost, nothing computed twice."""
+"""Parameter studies: known results, any executor, nothing lost, nothing computed twice."""
 
 import math
 from pathlib import Path

@@ -147,7 +147,7 @@ def test_two_processes_share_a_store(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory of a process is not told here")
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory of a process is not known here")
 @pytest.mark.parametrize("polished", [False, True])
 def test_a_worker_needs_no_more_memory_after_a_thousand_cases(polished):
     axes = {"mass": np.linspace(0.5, 4.0, 40), "limit": np.linspace(0.5, 2.0, 25)}

@@ -128,7 +128,7 @@ class Belt:
 
 
 class SpeedLimit:
-    """A limit of a user: the terms say all."""
+    """A limit of a user: the terms describe it completely."""
 
     def __call__(self, machine, so_far):
         return Terms(signals={"fast": Quantity(machine.v[0], "rad/s")}, limits={"fast": (-4.0, 8.0)})

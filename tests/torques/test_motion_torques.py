@@ -247,7 +247,7 @@ def test_loads_of_a_swinging_axis():
 def test_limits_of_effects_along_a_motion():
     arm, q0, q1 = ENDS["torus"]
     effects = [Gravity(), TorqueSpeed(stall=(400.0, 900.0, 300.0), no_load=6.0, peak=(1e4, 250.0, 1e4))]
-    # Seven rows say nothing of the motion between them; the limits are checked along the motion.
+    # Seven rows know nothing of the motion between them; the limits are checked along the motion.
     found = broken_limits(Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 7)))
     table = Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 40_001))
     share = table.tau / [400.0, 900.0, 300.0] + table.v / 6.0

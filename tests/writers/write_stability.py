@@ -90,12 +90,12 @@ def measured(numbers: Sequence[int], jobs: int, quiet: bool) -> list[Finding]:
     """
     results = []
     with ProcessPoolExecutor(max(jobs, 1), multiprocessing.get_context("spawn")) as pool:
-        for done, outcome in enumerate(sweep(plainly, [{"number": n} for n in numbers], pool), 1):
-            case = CASES[outcome.case["number"]]
-            figures, seconds = outcome.value if outcome.value is not None else ((), outcome.seconds)
+        for done, result in enumerate(sweep(plainly, [{"number": n} for n in numbers], pool), 1):
+            case = CASES[result.case["number"]]
+            figures, seconds = result.value if result.value is not None else ((), result.seconds)
             results.append(Finding(case, tuple(figures), seconds))
             if not quiet:
-                verdict = "passed" if results[-1].passed else "outside" if case.outside else f"FAILED {outcome.error}"
+                verdict = "passed" if results[-1].passed else "outside" if case.outside else f"FAILED {result.error}"
                 print(f"{done:4d}/{len(numbers)}  {seconds:6.1f} s  {verdict:8s}  {case}", file=sys.stderr, flush=True)
     return results
 
