@@ -8,15 +8,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from catalogue import problems
+from catalogue.spherical_shooting import shoot
 
 import ocp
 from models import Parameter, spherical
 from models.effects import Gravity, Viscous
 from models.forms import canonical
 from ocp import Fixed, Free, Held, Ipopt, Problem, System, along, end, polish, radau, sensitivity, solve, start, uniform
-from ocp.arcs.arc_nlp import prepare_arcs
-from ocp.arcs.arc_problems import arc_problem
-from ocp.arcs.polishing import SETTINGS
 from ocp.solving.guess_conversion import from_solution
 
 TIGHT = Ipopt(tol=1e-12)
@@ -106,9 +104,6 @@ def arm_solutions():
     return solution, polish(solution)
 
 
-SIZES = {"m_3": 15.0, "s_2": 0.3, "viscous.c": 0.5, "limit": 3.0}
-
-
 @pytest.mark.parametrize("name", problems.MASSLESS)
 def test_machines_with_massless_links_have_the_derivatives_of_a_straight_line(name):
     # A mass m moved straight over d in T by a force f: E = 12 m^2 d^2/T^3 + m^2 g^2 T, f = m (6 d/T^2 (1 - 2 t/T) + g).
@@ -133,32 +128,26 @@ def test_machines_with_massless_links_have_the_derivatives_of_a_straight_line(na
     np.testing.assert_allclose(result.signal("tau", share)["m_3"], tau / mass, rtol=0, atol=1e-5 * np.max(np.abs(tau)))
 
 
-@pytest.mark.parametrize("name", SIZES)
-def test_polished_spherical_machine_against_differences_of_the_same_structure(name):
-    _, best = arm_solutions()
-    assert best.structure is not None
+def test_polished_spherical_machine_against_shooting():
+    best = arm_solutions()[1]
+    arcs = best.structure.arcs
     assert any(row.name == "r" for row in best.structure)  # a limit of a state is held
+    limits = {f"limit_{i}": limit for i, limit in enumerate(LIMITS, 1)}
+    numbers = {**spherical().nominal, "m_3": 15.0, "s_2": 0.3, "viscous.c": 0.5, **limits}
+    sides = [[{"lower": -1, "upper": 1, "holding": 0}[kind.value] for kind in arc.kinds] for arc in arcs]
+    exact = shoot(numbers, ["m_3", "s_2", "viscous.c", "limit_3"], sides, np.array([arc.duration for arc in arcs]))
+    assert best.duration == pytest.approx(np.sum(exact.durations), rel=1e-10)
+    np.testing.assert_allclose([arc.duration for arc in arcs], exact.durations, rtol=0, atol=1e-8)
     result = sensitivity(best, toward={"limit": arm_task(1.0)})
     assert result.notes == ()
-    ends = np.cumsum([arc.duration for arc in best.structure.arcs])
-    arc = np.searchsorted(ends, (best.nodes[:-1] + best.nodes[1:]) / 2)
-    step, sides = 1e-5 * SIZES[name], []
-    for sign in (1.0, -1.0):
-        task = arm_task(sign * step) if name == "limit" else arm_task()
-        values = dict(best.values) if name == "limit" else {**best.values, name: SIZES[name] + sign * step}
-        posed, elements = arc_problem(task, best.scheme, values), tuple(np.bincount(arc).tolist())
-        again = prepare_arcs(posed, best.structure.arcs, elements, from_solution(best), replace(SETTINGS, tol=1e-12))
-        motion = again.solve(again.restart(best))
-        assert motion.result.status is ocp.Status.SOLVED
-        # In this form the drives are the controls; points keep their share of the arc.
-        sides.append((motion.duration, np.cumsum([a.duration for a in motion.arcs])[:-1], motion.controls))
-    duration, switches, tau = ((one - other) / (2 * step) for one, other in zip(*sides, strict=True))
-    assert result.duration[name] == pytest.approx(duration, rel=1e-5)
-    np.testing.assert_allclose(result.switching[name], switches, rtol=0, atol=1e-5 * np.max(np.abs(switches)))
-    middle = np.argmin(np.abs(best.scheme.points - 0.5))
-    t = best.collocation_times[:, middle]
-    mine = result.signal("tau", t, Held.ARC)[name]
-    np.testing.assert_allclose(mine, tau[:, middle], rtol=0, atol=1e-5 * np.max(np.abs(tau)))
+    middles = np.cumsum([0.0, *(arc.duration for arc in arcs)])[:-1] + [arc.duration / 2 for arc in arcs]
+    held = middles[[side[3] == 0 for side in sides]]
+    for i, name in enumerate(("m_3", "s_2", "viscous.c", "limit")):
+        switches = np.cumsum(exact.slopes[:, i])
+        assert result.duration[name] == pytest.approx(switches[-1], rel=1e-7)
+        np.testing.assert_allclose(result.switching[name], switches[:-1], rtol=0, atol=1e-6 * np.max(np.abs(switches)))
+        force = result.signal("tau", held, Held.ARC)[name][:, 3]
+        np.testing.assert_allclose(force, exact.holding[:, i], rtol=0, atol=1e-6 * np.max(np.abs(exact.holding[:, i])))
 
 
 def test_limit_of_speed_is_held():
