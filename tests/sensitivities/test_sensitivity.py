@@ -128,6 +128,7 @@ def test_machines_with_massless_links_have_the_derivatives_of_a_straight_line(na
     np.testing.assert_allclose(result.signal("tau", share)["m_3"], tau / mass, rtol=0, atol=1e-5 * np.max(np.abs(tau)))
 
 
+@pytest.mark.slow
 def test_polished_spherical_machine_against_shooting():
     best = arm_solutions()[1]
     arcs = best.structure.arcs
