@@ -38,10 +38,10 @@ print(verify(solution))
 # %%
 # A wanted accuracy
 # -----------------
-# Rungs get better until the estimated error of the duration is below the tolerance.
+# The grid is refined until the estimated error of the duration is below the tolerance.
 
-for rung in solve_to_accuracy(task, tol=1e-7, finish=polish, seconds=20.0):
-    print(f"{rung.duration:.9f} s, error estimated {rung.accuracy.error:.0e} s")
+for step in solve_to_accuracy(task, tol=1e-7, finish=polish, seconds=20.0):
+    print(f"{step.duration:.9f} s, error estimated {step.accuracy.error:.0e} s")
 
 # %%
 # Costates
@@ -53,11 +53,11 @@ import matplotlib.pyplot as plt
 
 from models import plots
 
-t = np.linspace(0.0, rung.duration, 400)
+t = np.linspace(0.0, step.duration, 400)
 plt.figure(figsize=(7, 3))
-plt.plot(t, rung.costate(t)[:, 2:], label=["costate of ds/dt [s/(m/s)]", "costate of da/dt [s/(rad/s)]"])
+plt.plot(t, step.costate(t)[:, 2:], label=["costate of ds/dt [s/(m/s)]", "costate of da/dt [s/(rad/s)]"])
 plt.xlabel("t [s]")
 plt.legend()
-if rung.structure is not None:
-    print(rung.structure)
-    plots.structure(rung)
+if step.structure is not None:
+    print(step.structure)
+    plots.structure(step)

@@ -42,7 +42,7 @@ plots.motion(solution, arm)
 # %%
 # In scene files
 # --------------
-# A command that is told the file knows its machines and effects by name:
+# A command that is given the file knows its machines and effects by name:
 #
 # .. code-block:: sh
 #

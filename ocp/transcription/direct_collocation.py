@@ -171,7 +171,7 @@ def _indices(layout: Layout, elements: Array, arc: Array) -> Array:
 def _ends(
     problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, parts: tuple[tuple[int, int, Where], ...]
 ) -> Local:
-    """Return the function of both ends of the motion: conditions there, the final cost and the price of time."""
+    """Return the function of both ends of the motion: conditions there, the final cost and the weight of time."""
     system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
     conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
     there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final, minimise.initial])

@@ -37,7 +37,7 @@ from models.effects import Gravity, Payload
 
 scene = Scene(spherical(), (Gravity(), Payload(2.0)))   # form=canonical, frame="regular"
 print(scene)                                            # the card
-print([(price.name, price.instructions) for price in scene.prices])
+print([(effect.name, effect.instructions) for effect in scene.prices])
 arm = scene.system                                      # x' = f(x, u, p) with its signals, for any Problem
 ```
 
