@@ -67,7 +67,7 @@ class End(Enum):
 
     VERIFIED = "solved and verified"
     DIAGNOSED = "not solved, and the message names a reason"
-    TOLD = "solved, not verified, and the message of the solution says where it is wrong"
+    WARNED = "solved, not verified, and the message of the solution says where it is wrong"
     DOUBTED = "solved, not verified, and only the verification says why"
     UNEXPLAINED = "an exception, a warning, no number, or no reason"
 
@@ -163,7 +163,7 @@ def judge(task: Task) -> Verdict:
     if report.ok:
         return Verdict(End.VERIFIED, solution.message)
     words = f"{solution.message} | {'; '.join(report.failures)}"
-    return Verdict(End.TOLD if named else End.DOUBTED, words)
+    return Verdict(End.WARNED if named else End.DOUBTED, words)
 
 
 def _solved(task: Task) -> tuple[Solution, Report | None]:
