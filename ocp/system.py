@@ -60,6 +60,8 @@ class Implicit:
         value: (ny,) y in terms of x, u, p.
         solve: function (x, u, p, b) -> (dG/dy)^-1 b, b of shape (ny,).
         signals: name -> expression in x, u, p, y of signals that are shorter in y.
+        mirror: numbers W (nx, nx) and an expression `rest` (nx,) with d(rate)/dy = d(rest)/dy + W (dG/dx)', for rates
+            with the gradient by x of the function whose gradient by y is G; None for others.
     """
 
     y: ca.SX
@@ -68,6 +70,7 @@ class Implicit:
     value: ca.SX
     solve: ca.Function
     signals: Mapping[str, ca.SX] = field(default_factory=dict)
+    mirror: tuple[ca.DM, ca.SX] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +86,7 @@ class System:
         nominal: value of every parameter, in the order of p.
         labels: signal name (or "x", "u") -> one Label for each component; missing ones are numbered.
         notes: sentences about how the system was built.
-        limits: signal name -> (lower, upper), scalars or one for each component, None for no limit. They belong to the
-            system: every Problem has them along the whole motion.
+        limits: signal name -> (lower, upper), scalars, columns, or None; every Problem has them along the motion.
         initial: signal name -> value at t = 0 that `point_to_point` uses, such as 0 for a clock.
         singular: singularities that no motion may touch; `simulate`, `solve` and `verify` check them.
         t: scalar symbol of the time [s] in rate and signals. It becomes the last state, with rate 1 and label "t"; in a
@@ -127,9 +129,8 @@ class System:
             checks.expression(f"System: {name}", part, "a CasADi SX column")
             if part.numel() and part.shape[1] != 1:
                 raise ValueError(f"System: {name} has shape {part.shape}, expected a column")
-        for name in ("x", "u", "p"):
-            if not getattr(self, name).is_valid_input():
-                raise ValueError(f"System: {name} must be made of symbols, got {getattr(self, name)}")
+            if name != "rate" and not part.is_valid_input():
+                raise ValueError(f"System: {name} must be made of symbols, got {part}")
         if self.rate.numel() != self.x.numel():
             raise ValueError(f"System: rate has {self.rate.numel()} components, x has {self.x.numel()}; give as many")
         for name in ("signals", "nominal", "labels", "limits", "initial"):
@@ -156,9 +157,8 @@ class System:
             size = (self.x if name == "x" else self.u if name == "u" else self[name]).numel()
             if len(labels) != size:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
-        for name in (*self.limits, *self.initial):
-            if name not in self.signals:
-                given = "limits" if name in self.limits else "initial"
+        for given, names in (("limits", self.limits), ("initial", self.initial)):
+            for name in (name for name in names if name not in self.signals):
                 raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
         checks.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
         for item in self.singular:
@@ -168,9 +168,8 @@ class System:
                 raise ValueError(f"System: the quantity of {item.words!r} depends on the control; expected x and p")
         if self.implicit is not None:
             checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
-            sizes = self.implicit.rate.numel(), self.x.numel()
-            if sizes[0] != sizes[1]:
-                raise ValueError(f"System: the implicit rate has {sizes[0]} components, x has {sizes[1]}; give as many")
+            if (rows := self.implicit.rate.numel()) != (nx := self.x.numel()):
+                raise ValueError(f"System: the implicit rate has {rows} components, x has {nx}; give as many")
 
     def short(self, expression: ca.SX) -> ca.SX:
         """Return a scalar in terms of the unknowns y of the implicit rate where it is a component of its signals."""

@@ -25,6 +25,7 @@ class InnerEquations:
     value: ca.SX  # (n,) y in terms of q, symbol, states and control
     solve: Callable[[ca.SX], ca.SX]  # right (n,) -> M^-1 right, in terms of q
     reads_v: bool = False  # whether v is y
+    other: ca.SX | None = None  # (n,) the rate less a part whose derivative by y is (dG/dq)'; None: there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +104,10 @@ def _implicit(mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p
     """Return the implicit rate of a system, the rates of the states of effects included."""
     v, right = mechanics.machine.v, ca.SX.sym("b", inner.y.numel())
     states = [ca.substitute(mechanics.resolved(state.rate), v, inner.v) for state in mechanics.terms.states.values()]
+    n, mirror = inner.y.numel(), None
+    if inner.other is not None:
+        weights = ca.DM.triplet(list(range(n, 2 * n)), list(range(n)), ca.DM.ones(n), x.numel(), x.numel())
+        mirror = weights, ca.densify(ca.vertcat(inner.v, inner.other, *states))
     return Implicit(
         y=inner.y,
         rate=ca.densify(ca.vertcat(inner.v, inner.rate, *states)),
@@ -110,6 +115,7 @@ def _implicit(mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p
         value=ca.densify(inner.value),
         solve=ca.Function("solve", [x, u, p, right], [inner.solve(right)]),
         signals={"v": inner.y} if inner.reads_v else {},
+        mirror=mirror,
     )
 
 

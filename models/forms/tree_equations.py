@@ -48,7 +48,8 @@ def canonical_equations(mechanics: Mechanics, frame: str) -> Equations:
         return equations
     # Value and slopes share the factors of M by composite bodies, whichever algorithm the rate itself uses.
     factored, residual = recursion.factors(True).solve, recursion.momentum(y) - p
-    inner = InnerEquations(y, y, _pushed(mechanics, y, None), residual, factored(p), factored, True)
+    pushed, other = _pushed(mechanics, y, None), _forces(mechanics, y)  # d(dT/dq)/dv = (dp/dq)'
+    inner = InnerEquations(y, y, pushed, residual, factored(p), factored, True, other)
     return replace(equations, inner=inner)
 
 

@@ -55,13 +55,14 @@ class Local:
             zero = ca.SX(len(self.unknowns), len(self.unknowns))
             return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), zero)
         weights = ca.SX.sym("weights", self.values.numel())
+        values = self.values
         if self.inner is None:
             jacobian = ca.jacobian(self.values, self.arguments)
             curvature = ca.hessian(ca.dot(weights, self.values), self.arguments)[0]
         else:
-            jacobian, curvature = self.inner.derivatives(self.arguments, weights)
+            values, jacobian, curvature = self.inner.derivatives(self.arguments, weights)
         given = [self.arguments, *self.inputs]
-        first = ca.Function("v", given, ca.cse([self.values, jacobian]))
+        first = ca.Function("v", given, ca.cse([values, jacobian]))
         second = ca.Function("h", [*given, weights], ca.cse([curvature]))
         linear = _sparse(self.linear)
         results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.unknowns), len(self.unknowns))

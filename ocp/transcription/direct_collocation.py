@@ -136,7 +136,8 @@ def _element(
     rate, running, limited = inside(*symbols.physical(x, u))
     step = width * symbols.duration
     expressions = [problem.subject_to[i].expression[k] for i, k in parts]
-    inner = inner_of(problem, expressions, symbols.physical(x, u), (step, step / symbols.scaling.x))
+    arguments = ca.vertcat(x, u, symbols.shared)
+    inner = inner_of(problem, expressions, arguments, symbols.physical(x, u), step, symbols.scaling.x)
 
     defects, points = len(scheme.rate) * nx, scheme.points.tolist()
     rows = defects + np.cumsum([0, *(len(held) for held in tau)])
@@ -155,7 +156,7 @@ def _element(
     linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
     linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
     return Local(
-        ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), ca.vertcat(x, u, symbols.shared),
+        ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), arguments,
         (symbols.p, symbols.given, width), linear, terms, _indices(layout, np.arange(n), arc), inner,
     )  # fmt: skip
 
