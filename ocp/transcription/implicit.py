@@ -2,8 +2,8 @@
 
 Only v and G are differentiated, never the solution of G: dy/dz = -R dG/dz with R = (dG/dy)^-1, symmetric. With the
 multipliers mu of v, nu = R (dv/dy)' mu and the Hessian H of mu . v - nu . G by (z, y), the second derivative of
-mu . v is N' H N with N = [I; dy/dz]. Where a part of v is the gradient by z of the function whose gradient by y is G, its
-derivative by y is (dG/dz)', which is there already.
+mu . v is N' H N with N = [I; dy/dz]. Where a part of v is the gradient by z of the function whose gradient by y is G,
+its derivative by y is (dG/dz)', which is there already.
 """
 
 from __future__ import annotations
