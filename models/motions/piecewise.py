@@ -13,6 +13,7 @@ from ocp.checks import Array
 # A derivative counts as continuous if it jumps by less than this share of its largest value.
 CONTINUOUS = 1e-7
 INSIDE = 1e-9  # share of a piece by which a time at its end is moved inside, to be on its side of a jump
+CHUNK = 8192  # times evaluated at once: their numbers stay in the cache
 DENSE = 1000  # rows of a motion that was not given at certain times
 
 
@@ -51,12 +52,27 @@ class Piecewise:
 
     def __call__(self, t: Array, order: int = 0) -> Array:
         """Return the derivative of the given order at times t, from the right at a break, shape (len(t), n)."""
-        piece = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coefficients) - 1)
-        since = (t - self.breaks[piece])[:, None]
         value = np.zeros((len(t), self.coefficients.shape[2]))
-        for j in range(self.degree, order - 1, -1):
-            value = value * since + self.coefficients[piece, j] * math.perm(j, order)
+        if order <= self.degree:
+            for start in range(0, len(t), CHUNK):
+                part = slice(start, start + CHUNK)
+                self._evaluate(t[part], order, value[part])
         return value
+
+    def _evaluate(self, t: Array, order: int, value: Array) -> None:
+        """Write the derivative of an order <= degree at times (K,) into value (K, n), by Horner's rule."""
+        piece = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        since = t - self.breaks[piece]
+        # One time in each of successive pieces, as the rows of a recording: their coefficients need not be gathered.
+        successive = piece[-1] - piece[0] == len(t) - 1 and bool(np.all(np.diff(piece) == 1))
+        own = self.coefficients[piece[0] : piece[-1] + 1] if successive else self.coefficients[piece]
+        if not np.any(since):
+            np.multiply(own[:, order], math.factorial(order), out=value)
+            return
+        for i, column in enumerate(value.T):  # numpy is slow in loops over a short last axis
+            for j in range(self.degree, order - 1, -1):
+                column *= since
+                column += own[:, j, i] * math.perm(j, order)
 
     def smoothness(self) -> int:
         """Return the highest order whose derivative, and all below it, is continuous; -1 if q itself jumps."""

@@ -89,20 +89,24 @@ def interpolate(times: Array, points: Array, degree: int, ends: Ends) -> Piecewi
         raise ValueError("ends: periodic, but the first and the last waypoint differ")
     conditions = _conditions(ends, degree, points.shape[1])
     fewest = (degree + 1) // 2 + 1
-    if np.max(step) <= EVEN * np.min(step):
-        spline = b_splines.interpolate(times, points, degree, conditions, ends.periodic)
-        if spline is not None and _missed(spline, times, points) <= MISSED:
+    bases = [b_splines.interpolate, taylor_splines.interpolate]
+    if np.max(step) > EVEN * np.min(step):
+        bases.reverse()  # each basis loses digits for some steps that the other one bears
+    spline, missed = None, np.inf
+    for basis in bases:
+        if basis is taylor_splines.interpolate and ends.continued and len(times) < fewest:
+            continue
+        tried = basis(times, points, degree, conditions, ends.periodic)
+        apart = np.inf if tried is None else _missed(tried, times, points)
+        if spline is None or apart < missed:
+            spline, missed = tried, apart
+        if spline is not None and missed <= MISSED:
             return spline
-    if len(times) >= fewest or not ends.continued:
-        spline = taylor_splines.interpolate(times, points, degree, conditions, ends.periodic)
-    else:
-        spline = None
     if spline is None:
         raise ValueError(
             f"{len(times)} points and these end conditions do not fix a spline of degree {degree}; take a lower degree "
             "or other ends"
         )
-    missed = _missed(spline, times, points)
     if not missed <= MISSED:
         raise ValueError(
             f"a spline of degree {degree} through {len(times)} points misses them by {missed:.1e} of their range, as "

@@ -100,7 +100,7 @@ def loads_of(
     """
     duration, power = float(t[-1] - t[0]), tau * v
     motor, brake = positive_part(t, power), 0.0 - positive_part(t, -power)
-    mean_square, top = rms(t, tau), np.argmax(np.abs(tau), axis=0)
+    mean_square, top = rms(t, tau), [np.argmax(np.abs(column)) for column in tau.T]
     loads = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
         limit, k = limits[i] if limits else None, int(top[i])

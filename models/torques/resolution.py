@@ -14,6 +14,7 @@ TOLERANCE = 5e-5
 PROBES = (0.29, 0.68)  # of a step, away from its middle: symmetric motions cross the straight line there
 DEPTH = 14  # refinements of one step, each by three
 MOST = 2_000_000  # times added
+CHUNK = 8192  # steps looked at together: their numbers stay in the cache
 GROWTH = 1.01  # a peak that grows by this factor in each of the last refinements has no bound
 LAST = 5
 NARROW = 1e-8  # share of the duration; shorter steps are the two sides of a jump
@@ -93,6 +94,8 @@ def with_knots(t: Array, knots: Array, jumps: bool) -> Array:
     inside = knots[(knots > t[0]) & (knots < t[-1])]
     if jumps and len(inside):
         inside = np.concatenate([inside, inside - 0.1 * NARROW * (t[-1] - t[0])])
+    if len(inside) == len(t) - 2 and np.array_equal(inside, t[1:-1]):
+        return np.empty(0)  # a recording: every row is a knot
     return np.setdiff1d(inside, t)
 
 
@@ -107,18 +110,37 @@ def straight(t: Array, q: Array, v: Array, a: Array, tau: Array, derivative: Cal
         q, v, a, tau: (K, n) of the motion.
         derivative: times and order -> (L, n).
     """
-    turn = np.abs(np.diff(q, axis=0)) <= 0.01 * np.minimum(1.0, np.max(np.abs(q), axis=0) + 1e-300)
-    pull = np.abs(np.diff(tau, axis=0)) <= 0.01 * np.max(np.abs(tau), axis=0)
-    calm: Array = np.all(turn & pull, axis=1)
-    chosen = np.flatnonzero(calm)
-    if not len(chosen):
-        return calm
-    at = t[chosen] + PROBES[0] * (t[chosen + 1] - t[chosen])
-    for order, rows in ((1, v), (2, a)):
-        line = (1.0 - PROBES[0]) * rows[chosen] + PROBES[0] * rows[chosen + 1]
-        apart = np.abs(derivative(at, order) - line)
-        calm[chosen] &= np.all(apart <= TOLERANCE * np.max(np.abs(rows), axis=0), axis=1)
+    # Differences that count as small, of positions, torques, velocities and accelerations.
+    turn = 0.01 * np.minimum(1.0, _peaks(q) + 1e-300)
+    pull, apart = 0.01 * _peaks(tau), [TOLERANCE * _peaks(rows) for rows in (v, a)]
+    calm = np.empty(len(t) - 1, dtype=bool)
+    for start in range(0, len(calm), CHUNK):
+        part, ends = slice(start, start + CHUNK), slice(start, start + CHUNK + 1)
+        calm[part] = _within(np.diff(q[ends], axis=0), turn) & _within(np.diff(tau[ends], axis=0), pull)
+        chosen = np.flatnonzero(calm[part])
+        if not len(chosen):
+            continue
+        every = len(chosen) == len(calm[part])
+        first: slice | Array = slice(0, -1) if every else chosen
+        last: slice | Array = slice(1, None) if every else chosen + 1
+        at = t[ends][first] + PROBES[0] * (t[ends][last] - t[ends][first])
+        for order, rows, most in ((1, v[ends], apart[0]), (2, a[ends], apart[1])):
+            line = (1.0 - PROBES[0]) * rows[first] + PROBES[0] * rows[last]
+            calm[start + chosen] &= _within(derivative(at, order) - line, most)
     return calm
+
+
+def _within(values: Array, most: Array) -> Array:
+    """Return in which rows (K,) no column exceeds its own bound; by columns, as numpy is slow along short rows."""
+    results = np.ones(len(values), dtype=bool)
+    for column, bound in zip(values.T, most, strict=True):
+        results &= np.abs(column) <= bound
+    return results
+
+
+def _peaks(values: Array) -> Array:
+    """Return the largest absolute value of every column (n,)."""
+    return np.array([max(column.max(), -column.min()) for column in values.T])
 
 
 def _joined(sides: list[tuple[Array, Array]], chosen: Array) -> tuple[Array, Array]:
