@@ -116,7 +116,8 @@ def implausible(table: TorqueTable) -> list[str]:
         angle = c.unit == "rad"
         farthest = float(np.max(np.abs(rows.q[:, i])))
         if angle and farthest > ANGLE:
-            sentences.append(f"{c.name} reaches {farthest:.4g} rad, {farthest / TURN:.3g} turns: degrees?")
+            cause = "a curve that swings out between its points?" if _swings(table, i) else "degrees?"
+            sentences.append(f"{c.name} reaches {farthest:.4g} rad, {farthest / TURN:.3g} turns: {cause}")
         elif not angle and farthest > SIZES * size:
             sentences.append(f"{c.name} reaches {farthest:.4g} m, the machine is about {size:.3g} m long: millimetres?")
         torque = TORQUE * max(weight, 10.0) * (size if angle else 1.0)
@@ -131,6 +132,12 @@ def implausible(table: TorqueTable) -> list[str]:
                     "too close?"
                 )
     return sentences
+
+
+def _swings(table: TorqueTable, i: int) -> bool:
+    """Whether coordinate i is far out between the points of a spline only."""
+    points = table.knots if len(table.knots) else table.t
+    return bool(np.max(np.abs(table.derivative(points, 0)[:, i])) <= ANGLE)
 
 
 def _size(machine: Manipulator) -> float:

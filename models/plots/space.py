@@ -78,8 +78,10 @@ def draw_space(
     axes.plot(*tool.T, color=ACCENT, linewidth=2.2)
     axes.plot(*tool[:1].T, "o", color=MOTION, markersize=6)
     axes.plot(*tool[-1:].T, "s", color=MOTION, markersize=7)
-    axes.text(*tool[0], "  start", fontsize=9)
-    axes.text(*tool[-1], "  goal", fontsize=9)
+    closed = np.linalg.norm(tool[-1] - tool[0]) < 0.02 * half
+    axes.text(*tool[0], "  start, goal" if closed else "  start", fontsize=9)
+    if not closed:
+        axes.text(*tool[-1], "  goal", fontsize=9)
     if via is not None and len(via):
         axes.plot(*via.T, "D", color=LIMIT, markersize=6)
         axes.text(*via[0], "  via", fontsize=9)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,42 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved
+from models.plots.study_panels import View, contour, numeric
+from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, saved
 from ocp import StudyTable
 from ocp.studies.main_effects import influences
 from ocp.studies.neighbour_check import unchecked_jumps
-
-MOST = 6  # panels of results
-SKIPPED = ("iterations", "cost")
-FOLLOWS = 0.999  # correlation with an axis beyond which a result is not worth a panel, such as a peak at its limit
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A table, the result that is drawn first, and the units of its columns."""
-
-    table: StudyTable
-    result: str
-    units: Mapping[str, str]
-
-    def label(self, name: str) -> str:
-        """Return a column with its unit."""
-        shown = f"{name} [{self.units[name]}]" if self.units.get(name) else name
-        kind, _, rest = shown.partition(" ")
-        return f"{kind} {pretty(rest)}" if kind in ("peak", "rms") else shown
-
-    def shown(self) -> list[str]:
-        """Return the results to draw: the chosen one, then those that vary, and not only with one axis."""
-        table = self.table
-        rest = [name for name in table.results if name != self.result and name not in SKIPPED]
-        axes = [table[name][table.ok] for name in numeric(table)]
-        results = [self.result]
-        for name in sorted((n for n in rest if not n.startswith("d ")), key=lambda n: n.startswith(("rms", "peak"))):
-            y = table[name][table.ok]
-            varies = np.ptp(y) > 1e-3 * np.max(np.abs(y))
-            if varies and not any(len(axes) > 1 and abs(np.corrcoef(x, y)[0, 1]) > FOLLOWS for x in axes):
-                results.append(name)
-        return results[:MOST]
 
 
 def study(
@@ -137,7 +104,9 @@ def contours(view: View, names: Sequence[str]) -> Figure:
     shown = view.shown()
     figure, panels = _panels(len(shown))
     for k, (axes, name) in enumerate(zip(panels, shown, strict=True)):
-        _contour(figure, axes, view, np.ones(len(view.table), dtype=bool), names, name, marked=k == 0)
+        filled = contour(axes, view, np.ones(len(view.table), dtype=bool), names, name, marked=k == 0)
+        if filled is not None:
+            figure.colorbar(filled, ax=axes).set_label(view.label(name), fontsize=9)
     _mark_jumps(panels[0], view.table, names, view.result)
     _legend(figure)
     return figure
@@ -153,9 +122,14 @@ def multiples(view: View, names: Sequence[str]) -> Figure:
     figure, panels = _panels(len(values))
     solved = table[result][table.ok]
     levels = np.asarray(MaxNLocator(13).tick_values(np.nanmin(solved), np.nanmax(solved)))
+    shared = None
     for axes, value in zip(panels, values, strict=True):
-        _contour(figure, axes, view, table[third] == value, (first, second), result, marked=True, levels=levels)
-        axes.set_title(f"{view.label(third)} = {value:g}", fontsize=9)
+        filled = contour(axes, view, table[third] == value, (first, second), result, marked=True, levels=levels)
+        shared = filled if filled is not None else shared
+        unit = view.units.get(third, "")
+        axes.set_title(f"{third} = {value:g} {unit}".rstrip(), fontsize=9)
+    if shared is not None:
+        figure.colorbar(shared, ax=panels).set_label(view.label(result), fontsize=9)
     _legend(figure)
     return figure
 
@@ -194,42 +168,6 @@ def ranking(view: View) -> Figure:
     return figure
 
 
-def _contour(
-    figure: Figure, axes: Axes, view: View, members: np.ndarray, names: Sequence[str], result: str,
-    marked: bool, levels: np.ndarray | int = 12,
-) -> None:  # fmt: skip
-    """Draw filled contours with isolines; cases that failed leave a hole."""
-    table = view.table
-    x, y = (np.unique(table[name]) for name in names)
-    z = np.full((len(y), len(x)), np.nan)
-    own = members & table.ok
-    z[np.searchsorted(y, table[names[1]][own]), np.searchsorted(x, table[names[0]][own])] = table[result][own]
-    if np.isfinite(z).sum() >= 4 and np.nanmax(z) > np.nanmin(z):
-        filled = axes.contourf(x, y, np.ma.masked_invalid(z), levels=levels, cmap="viridis")
-        isolines = axes.contour(x, y, np.ma.masked_invalid(z), levels=filled.levels, colors="white", linewidths=0.5)
-        axes.clabel(isolines, np.asarray(filled.levels)[1:-1:2], fontsize=7, fmt="%.4g")
-        figure.colorbar(filled, ax=axes).set_label(view.label(result), fontsize=9)
-    if marked:
-        _cases(axes, table, members, names)
-    axes.set_xlabel(view.label(names[0]))
-    axes.set_ylabel(view.label(names[1]))
-
-
-def _cases(axes: Axes, table: StudyTable, members: np.ndarray, names: Sequence[str]) -> None:
-    """Mark the cases by how they were found."""
-    ways = np.array([way.partition(",")[0] for way in table["way"]])
-    styles = {"cold": ("s", ACCENT), "warm": ("o", "white"), "carried": (".", "black")}
-    for way, (marker, colour) in styles.items():
-        own = members & table.ok & (ways == way)
-        if own.any():
-            points = table[names[0]][own], table[names[1]][own]
-            edge: dict[str, Any] = {"markeredgecolor": "black", "markeredgewidth": 0.4, "clip_on": False, "zorder": 5}
-            axes.plot(*points, marker, color=colour, markersize=3.5, linestyle="", label=way, **edge)
-    bad = members & ~table.ok
-    if bad.any():
-        axes.plot(table[names[0]][bad], table[names[1]][bad], "x", color=LIMIT, markersize=6, label="failed")
-
-
 def _legend(figure: Figure) -> None:
     """Explain the marks of all panels once, above them."""
     known = {
@@ -265,11 +203,6 @@ def _failed(axes: Axes, table: StudyTable, x: np.ndarray, y: np.ndarray | None) 
     bad = ~table.ok
     if bad.any():
         axes.plot(x[bad], np.zeros(bad.sum()), "x", color=LIMIT, transform=axes.get_xaxis_transform(), clip_on=False)
-
-
-def numeric(table: StudyTable) -> list[str]:
-    """Return the axes that hold numbers and vary."""
-    return [name for name in table.axes if table[name].dtype.kind in "if" and len(np.unique(table[name])) > 1]
 
 
 def is_grid(table: StudyTable, names: Sequence[str]) -> bool:

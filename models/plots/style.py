@@ -39,7 +39,7 @@ def saved(figure: Figure, path: File | None, dpi: int = 150) -> Figure:
     return figure
 
 
-def styled(axes: Axes, label: str, title: str = "", x: str = "") -> None:
+def styled(axes: Axes, label: str, title: str = "", x: str = "", log: bool = False) -> None:
     """Give axes their labels, small ticks and a faint grid.
 
     Args:
@@ -47,13 +47,17 @@ def styled(axes: Axes, label: str, title: str = "", x: str = "") -> None:
         label: of the vertical axis.
         title: above the panel.
         x: label of the horizontal axis; "" for a panel above others, which shares theirs.
+        log: whether the vertical axis is logarithmic.
     """
     axes.set_ylabel(label, fontsize=9)
     axes.set_title(title, fontsize=10)
     axes.tick_params(labelsize=8, labelbottom=bool(x))
     axes.grid(visible=True, color=GRID, linewidth=0.6)
     axes.margins(x=0.01)
-    axes.locator_params(axis="y", nbins=5)
+    if log:
+        axes.set_yscale("log")
+    else:
+        axes.locator_params(axis="y", nbins=5)
     if x:
         axes.set_xlabel(x, fontsize=9)
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 
 from models.plots.signals import skeleton
 from models.plots.space import draw_space
 from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved, styled
+from models.torques.time_means import rms, rms_of_samples
 from models.torques.torque_table import TorqueTable
 from ocp.checks import Array
 
 MOST = 4000  # points drawn of one curve
+SHORT = 6  # letters of a name that can be an index
 PATH = 400  # points drawn of the path of the tool
 COLOURS = ("#4c9f70", "#8e6bbf", "#c4683f", "#3f8fc4", "#a0822e", "#5b6770", "#b04f86")
 
@@ -23,46 +27,24 @@ def torques(table: TorqueTable, raw: Array | None = None, path: File | None = No
 
     Args:
         table: with its limits, split and uncertainty.
-        raw: (K, n) torques from raw differences of the samples, to compare with, or None [N m or N].
+        raw: (K, n) torques from raw differences of the samples, whose error gets a column of its own, or None.
         path: of the picture (.png, .svg, .pdf); None leaves the figure open.
 
     Raises:
         OSError: the file cannot be written.
     """
     n = len(table.machine.coordinates)
-    figure = plt.figure(figsize=(18.0, max(2.3 * n, 5.6) + 1.2), layout="constrained")
-    grid = figure.add_gridspec(n, 4, width_ratios=(1.5, 1.1, 1.1, 2.0))
+    widths = [1.5, *([1.1] if raw is not None else []), 1.1, 1.1, 2.0]
+    figure = plt.figure(figsize=(2.7 * sum(widths), max(2.3 * n, 5.6) + 1.2), layout="constrained")
+    grid = figure.add_gridspec(n, len(widths), width_ratios=widths)
     shown = np.unique(np.linspace(0, len(table.t) - 1, min(MOST, len(table.t))).round().astype(int))
-    t = table.t[shown]
-    for i, c in enumerate(table.machine.coordinates):
-        first = figure.add_subplot(grid[i, 0])
-        for colour, (name, part) in zip(_cycle(len(table.split)), table.split.items(), strict=True):
-            first.plot(t, part[shown, i], color=colour, linewidth=0.9, label=name)
-        if raw is not None:
-            first.plot(t, raw[shown, i], color=FAINT, linewidth=0.5, zorder=1, label="raw differences")
-        first.plot(t, table.tau[shown, i], color=MOTION, linewidth=1.6, zorder=5, label="tau")
-        if table.uncertainty is not None:
-            low, high = (table.tau[shown, i] + s * 2.0 * table.uncertainty[shown, i] for s in (-1, 1))
-            first.fill_between(t, low, high, color=MOTION, alpha=0.2, linewidth=0, label="tau, two standard deviations")
-        for low, high in _spans(table, i):
-            first.axvspan(low, high, color=LIMIT, alpha=0.15, linewidth=0)
-        last = "t [s]" if i == n - 1 else ""
-        styled(first, pretty(f"tau_{c.name} [{c.force_unit}]"), "torque and its parts" if i == 0 else "", last)
-        if raw is not None:
-            reach = 1.3 * np.max(np.abs([*table.split.values(), table.tau]), axis=(0, 1))[i]
-            first.set_ylim(-reach, reach)
-        second = figure.add_subplot(grid[i, 1])
-        power = table.power[shown, i]
-        second.fill_between(t, 0.0, np.maximum(power, 0.0), color=ACCENT, alpha=0.7, linewidth=0, label="motor")
-        second.fill_between(t, 0.0, np.minimum(power, 0.0), color=COLOURS[0], alpha=0.7, linewidth=0, label="brake")
-        styled(second, "power [W]", "power" if i == 0 else "", last)
-        third = figure.add_subplot(grid[i, 2])
-        _plane(third, table, i, shown)
-        styled(third, "", "torque over speed" if i == 0 else "", f"speed [{c.unit}/s]")
-        if i == 0:
-            second.legend(fontsize=7, frameon=False)
-            handles, labels = first.get_legend_handles_labels()
-    space = figure.add_subplot(grid[:, 3], projection="3d")
+    columns = iter(range(len(widths)))
+    handles, labels = _course(figure, grid[:, next(columns)], table, shown)
+    if raw is not None:
+        _compared(figure, grid[:, next(columns)], table, np.abs(raw - table.tau), shown)
+    _power(figure, grid[:, next(columns)], table, shown)
+    _planes(figure, grid[:, next(columns)], table, shown)
+    space = figure.add_subplot(grid[:, next(columns)], projection="3d")
     draw_space(space, skeleton(table.machine, table.q[shown[:: max(1, len(shown) // PATH)]]))
     space.set_title("path of the tool, and the arm at seven times", fontsize=10)
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 8), fontsize=8, frameon=False)
@@ -72,9 +54,78 @@ def torques(table: TorqueTable, raw: Array | None = None, path: File | None = No
     return saved(figure, path, dpi=130)
 
 
-def _plane(axes: Axes, table: TorqueTable, i: int, shown: np.ndarray) -> None:
+def _rows(figure: Figure, column: SubplotSpec, n: int) -> list[Axes]:
+    """Return one panel for each drive in a column of the picture."""
+    grid = column.subgridspec(n, 1)
+    return [figure.add_subplot(grid[i]) for i in range(n)]
+
+
+def _course(figure: Figure, column: SubplotSpec, table: TorqueTable, shown: Array) -> tuple[list[Artist], list[str]]:
+    """Draw the torques over time with their parts, and return the entries of the legend."""
+    t, n = table.t[shown], len(table.machine.coordinates)
+    handles: list[Artist] = []
+    labels: list[str] = []
+    for i, axes in enumerate(_rows(figure, column, n)):
+        for colour, (name, part) in zip(_cycle(len(table.split)), table.split.items(), strict=True):
+            axes.plot(t, part[shown, i], color=colour, linewidth=0.9, label=name)
+        axes.plot(t, table.tau[shown, i], color=MOTION, linewidth=1.6, zorder=5, label="tau")
+        if table.uncertainty is not None:
+            low, high = (table.tau[shown, i] + s * 2.0 * table.uncertainty[shown, i] for s in (-1, 1))
+            axes.fill_between(t, low, high, color=MOTION, alpha=0.2, linewidth=0, label="tau, two standard deviations")
+        for begin, end in _spans(table, i):
+            axes.axvspan(begin, end, color=LIMIT, alpha=0.15, linewidth=0)
+        styled(axes, _torque(table, i), "torque and its parts" if i == 0 else "", "t [s]" if i == n - 1 else "")
+        handles, labels = axes.get_legend_handles_labels()
+    return handles, labels
+
+
+def _compared(figure: Figure, column: SubplotSpec, table: TorqueTable, apart: Array, shown: Array) -> None:
+    """Draw how far torques from raw differences (K, n) are from those of the table, and the uncertainty of these."""
+    t, n = table.t[shown], len(table.machine.coordinates)
+    for i, axes in enumerate(_rows(figure, column, n)):
+        c = table.machine.coordinates[i]
+        mean = float(rms_of_samples(table.t, apart[:, [i]])[0])
+        axes.plot(t, apart[shown, i], ".", color=FAINT, markersize=2, alpha=0.5)
+        axes.axhline(mean, color=LIMIT, linewidth=1.2, label=f"raw differences: {mean:.3g} {c.force_unit} (rms)")
+        if table.uncertainty is not None:
+            deviation = table.uncertainty[:, i]
+            label = f"spline: {float(rms(table.t, deviation[:, None])[0]):.3g} {c.force_unit} (standard deviation)"
+            axes.plot(t, deviation[shown], color=MOTION, linewidth=1.4, label=label)
+        title = "error by raw differences" if i == 0 else ""
+        styled(axes, f"error of {_torque(table, i)}", title, "t [s]" if i == n - 1 else "", log=True)
+        axes.set_ylim(bottom=1e-4 * max(mean, 1e-12))
+        axes.legend(fontsize=7, frameon=True, framealpha=0.85, edgecolor="none", loc="lower right")
+
+
+def _power(figure: Figure, column: SubplotSpec, table: TorqueTable, shown: Array) -> None:
+    """Draw the powers of the drives over time."""
+    t, n = table.t[shown], len(table.machine.coordinates)
+    for i, (axes, c) in enumerate(zip(_rows(figure, column, n), table.machine.coordinates, strict=True)):
+        power = table.power[shown, i]
+        axes.fill_between(t, 0.0, np.maximum(power, 0.0), color=ACCENT, alpha=0.7, linewidth=0, label="motor")
+        axes.fill_between(t, 0.0, np.minimum(power, 0.0), color=COLOURS[0], alpha=0.7, linewidth=0, label="brake")
+        label = pretty(f"P_{c.name} [W]") if len(c.name) <= SHORT else f"{c.name} [W]"
+        styled(axes, label, "power" if i == 0 else "", "t [s]" if i == n - 1 else "")
+        if i == 0:
+            axes.legend(fontsize=7, frameon=False)
+
+
+def _planes(figure: Figure, column: SubplotSpec, table: TorqueTable, shown: Array) -> None:
+    """Draw the torques over the speeds, with the limits of the drives."""
+    n = len(table.machine.coordinates)
+    for i, (axes, c) in enumerate(zip(_rows(figure, column, n), table.machine.coordinates, strict=True)):
+        _plane(axes, table, i, shown)
+        styled(axes, _torque(table, i), "torque over speed" if i == 0 else "", pretty(f"d{c.name}/dt [{c.unit}/s]"))
+
+
+def _torque(table: TorqueTable, i: int) -> str:
+    c = table.machine.coordinates[i]
+    return pretty(f"tau_{c.name} [{c.force_unit}]")
+
+
+def _plane(axes: Axes, table: TorqueTable, i: int, shown: Array) -> None:
     v, tau = table.v[shown, i], table.tau[shown, i]
-    axes.plot(v, tau, ".", color=MOTION, markersize=1.5)
+    axes.plot(v, tau, "-", color=MOTION, linewidth=1.2)
     if table.limits:
         fastest = max(float(np.max(np.abs(v))) * 1.15, 1e-9)
         limit = table.limits[i]

@@ -12,7 +12,8 @@ import numpy as np
 from html_reports import page
 from html_reports.playback import playback
 from models.plots.signals import skeleton
-from models.plots.studies import is_grid, numeric
+from models.plots.studies import is_grid
+from models.plots.study_panels import numeric
 from models.scenes.scene import Scene
 from models.scenes.task import Task
 from ocp import Problem, StudyTable

@@ -5,30 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
-
 from models import Envelope, Motion, Scene
+from models.motions.fixed_rate import times_at_rate
 from models.motions.ros_trajectory import as_trajectory
 from models.torques.table_text import PROGRAMS, TextFormat, columns_of, write_table
 from reports.fastest_path import Limits, exceedance
 
 NOTICED = 1e-3  # share by which interpolation between rows may exceed a limit without a note
-
-
-def rate_times(motion: Motion, rate: float) -> np.ndarray:
-    """Return the times start + k / rate up to the end of a motion, which is the last one in any case [s].
-
-    Raises:
-        ValueError: fewer than one row in the motion, or more than ten million.
-    """
-    count = motion.duration * rate
-    if not 1.0 <= count <= 1e7:
-        raise ValueError(f"--rate: {rate:g} 1/s gives {count:.3g} rows of {motion.duration:.4g} s, expected 1 .. 1e7")
-    times = motion.start + np.arange(int(count * (1.0 + 1e-12)) + 1) / rate
-    if motion.end - times[-1] > 1e-9 / rate:
-        return np.append(times, motion.end)
-    times[-1] = motion.end
-    return times
 
 
 def write_at_rate(
@@ -52,7 +35,7 @@ def write_at_rate(
         style: of the table.
     """
     envelopes, limits = limited
-    times = rate_times(motion, rate)
+    times = times_at_rate(motion, rate)
     table = motion.torques(scene.machine, scene.effects, times=times)
     header, columns = columns_of(table, tool=True)
     columns[0] = columns[0].copy()

@@ -10,7 +10,7 @@ import numpy as np
 from models import Motion, Scene, TorqueTable
 from models.torques.limit_check import broken_limits
 from models.torques.shaft import RPM, cubic_mean, moving_share
-from models.torques.time_means import rms
+from models.torques.time_means import rms_of_samples
 from reports.fastest_path import Limits
 
 POSITIONS = ("motor_q", "motor_v")  # quantities of drives that are no loads
@@ -54,7 +54,7 @@ def describe(say: Say, motion: Motion, table: TorqueTable, scene: Scene, limits:
     _drives(say, account, rows, scene)
     _noise(say, account, motion, rows)
     if compare:
-        apart = rms(table.t, raw_torques(motion, table) - table.tau)
+        apart = rms_of_samples(table.t, raw_torques(motion, table) - table.tau)
         say(f"raw          differences of the samples would be off by {', '.join(_row(apart))} (rms)")
         account["raw_difference_rms"] = apart.tolist()
     account["broken_limits"] = [asdict(span) for span in broken_limits(table, limits)]
