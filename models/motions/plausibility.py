@@ -103,7 +103,7 @@ def _checked_velocities(recording: Recording) -> Recording:
 
 
 def implausible(table: TorqueTable) -> list[str]:
-    """Return sentences about positions, speeds, accelerations and torques that no such machine has.
+    """Return sentences about positions, speeds, accelerations and torques that no such machine has, positions first.
 
     Args:
         table: of a motion.
@@ -111,15 +111,15 @@ def implausible(table: TorqueTable) -> list[str]:
     machine, rows = table.machine, table
     size = _size(machine)
     weight = 9.81 * float(sum(value for name, value in machine.nominal.items() if name.startswith("m_")))
-    sentences = []
+    positions, sentences = [], []
     for i, c in enumerate(machine.coordinates):
         angle = c.unit == "rad"
         farthest = float(np.max(np.abs(rows.q[:, i])))
         if angle and farthest > ANGLE:
             cause = "a curve that swings out between its points?" if _swings(table, i) else "degrees?"
-            sentences.append(f"{c.name} reaches {farthest:.4g} rad, {farthest / TURN:.3g} turns: {cause}")
+            positions.append(f"{c.name} reaches {farthest:.4g} rad, {farthest / TURN:.3g} turns: {cause}")
         elif not angle and farthest > SIZES * size:
-            sentences.append(f"{c.name} reaches {farthest:.4g} m, the machine is about {size:.3g} m long: millimetres?")
+            positions.append(f"{c.name} reaches {farthest:.4g} m, the machine is about {size:.3g} m long: millimetres?")
         torque = TORQUE * max(weight, 10.0) * (size if angle else 1.0)
         for symbol, part, most, unit in (
             (f"d{c.name}/dt", rows.v, SPEED, f"{c.unit}/s"), (f"d2{c.name}/dt2", rows.a, ACCELERATION, f"{c.unit}/s^2"),
@@ -131,7 +131,7 @@ def implausible(table: TorqueTable) -> list[str]:
                     f"{symbol} is {part[k, i]:.4g} {unit} at {rows.t[k]:.6g} s: wrong units, a wrapped angle, or times "
                     "too close?"
                 )
-    return sentences
+    return [*positions, *sentences]
 
 
 def _swings(table: TorqueTable, i: int) -> bool:
