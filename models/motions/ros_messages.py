@@ -76,7 +76,7 @@ def _yaml(file: Path, text: str) -> list[Any]:
         import yaml
     except ImportError:
         raise ImportError(
-            f"{file}: reading YAML needs PyYAML; install it with pip install 'hamel[ros]', or give the trajectory as "
+            f"{file}: reading YAML needs PyYAML; install it with pip install pyyaml, or give the trajectory as "
             "JSON"
         ) from None
     try:

@@ -62,7 +62,8 @@ def _outside(name: str, t: Array, values: Array, limit: float, sign: float) -> l
     if not np.isfinite(limit):
         return []
     results = []
-    for first, after, start, end in crossings(t, excess - SLACK * max(1.0, abs(limit))):
+    slack = SLACK * (abs(limit) or float(np.max(np.abs(values))))
+    for first, after, start, end in crossings(t, excess - slack):
         worst = first + int(np.argmax(excess[first:after]))
         results.append(Broken(name, start, end, float(values[worst]), limit))
     return results

@@ -35,7 +35,7 @@ def executor(name: str, jobs: int) -> Iterator[Executor | Callable[[], Executor]
         try:
             from distributed import Client, LocalCluster
         except ImportError:
-            raise ImportError('executor "dask" needs Dask: pip install "hamel[cluster]"') from None
+            raise ImportError('executor "dask" needs Dask: pip install distributed') from None
         if address:
             with Client(address, timeout=10) as client:
                 yield client.get_executor()

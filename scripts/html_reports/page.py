@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from ocp.numerics.files import written_whole
+from reports.output import NEEDS_PLOTLY
 
-MISSING = 'a report needs Plotly: pip install "hamel[report]"'
 STYLE = """
 :root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2733; max-width: 1280px; margin: 0 auto; padding: 1rem 1.5rem; }
@@ -43,7 +43,7 @@ def plotly(module: str = "graph_objects") -> Any:
     try:
         return import_module(f"plotly.{module}")
     except ImportError:
-        raise ImportError(MISSING) from None
+        raise ImportError(NEEDS_PLOTLY) from None
 
 
 def section(heading: str, *parts: str) -> str:

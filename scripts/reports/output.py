@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 DEFAULT = Path("results")
 PATIENCE = 2.0  # seconds of work from which elapsed time is shown
+NEEDS_PLOTLY = "a report needs Plotly: pip install plotly"
 FORMATS = ("png", "svg", "pdf")
+WIDTH = 76  # of a line of progress, so that it replaces what stood there
 
 
 def add_output(parser: argparse.ArgumentParser, what: str) -> None:
@@ -28,19 +32,22 @@ def add_output(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def output_folder(options: argparse.Namespace, stem: str) -> Path:
-    """Return the folder for the files of a command, made if need be.
+    """Return the folder for the files of a command, made if need be; called before the work, so that none is lost.
 
     Files in a folder that was named by --output are replaced. In the default folder they are kept unless --force is
     given or the user, asked on a terminal, agrees.
 
     Args:
-        options: with output and force.
+        options: with output and force, and maybe report.
         stem: with which the names of all files of the command begin.
 
     Raises:
         FileExistsError: files would be replaced and nobody agreed; the message says how to go on.
-        OSError: the folder cannot be made.
+        OSError: the folder cannot be made or written to.
+        ImportError: a report is asked for, and Plotly is not installed.
     """
+    if getattr(options, "report", False) and find_spec("plotly") is None:
+        raise ImportError(NEEDS_PLOTLY)
     folder = options.output or DEFAULT
     if options.output is None and not options.force and folder.is_dir():
         there = sorted(path.name for path in folder.iterdir() if path.name.startswith(stem))
@@ -49,8 +56,12 @@ def output_folder(options: argparse.Namespace, stem: str) -> Path:
                 f"{folder / there[0]}{f' and {len(there) - 1} more files' if len(there) > 1 else ''} would be "
                 "replaced; use --force, or --output DIR for another folder"
             )
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise FileExistsError(f"{folder} is a file, expected a folder") from None
+    with tempfile.TemporaryFile(dir=folder):  # a folder without write permission, or a full disk, is noticed here
+        return folder
 
 
 def _agreed(folder: Path, names: Sequence[str]) -> bool:
@@ -62,7 +73,7 @@ def _agreed(folder: Path, names: Sequence[str]) -> bool:
 
 
 @contextmanager
-def working(what: str, shown: bool = True) -> Iterator[None]:
+def working(what: str, shown: bool = True, own_line: bool = False) -> Iterator[None]:
     """Show what is going on and for how long, once it takes more than two seconds.
 
     On a terminal the line is renewed every second; elsewhere one line says that the work goes on, and one how long it
@@ -71,6 +82,7 @@ def working(what: str, shown: bool = True) -> Iterator[None]:
     Args:
         what: is going on, such as "polishing".
         shown: False shows nothing.
+        own_line: whether the work renews a line of its own on a terminal, as solvers do; then only its end is told.
     """
     begun, ended, terminal = time.perf_counter(), threading.Event(), sys.stderr.isatty()
 
@@ -78,20 +90,21 @@ def working(what: str, shown: bool = True) -> Iterator[None]:
         wait = PATIENCE
         while not ended.wait(wait):
             seconds = time.perf_counter() - begun
-            text = f"\r{what} ... {seconds:.0f} s" if terminal else f"{what} ...\n"
-            print(text, end="", file=sys.stderr, flush=True)
+            line = f"{what} ... {seconds:.0f} s"
+            print(f"\r{line:{WIDTH}}" if terminal else f"{what} ...\n", end="", file=sys.stderr, flush=True)
             wait = 1.0 if terminal else 1e9
 
     watcher = threading.Thread(target=watch, daemon=True)
-    if shown:
+    renewed = shown and not (own_line and terminal)
+    if renewed:
         watcher.start()
     try:
         yield
     finally:
         ended.set()
-        if shown:
+        if renewed:
             watcher.join()
-            seconds = time.perf_counter() - begun
-            if seconds > PATIENCE:
-                start = "\r" if terminal else ""
-                print(f"{start}{what}: {seconds:.1f} s", file=sys.stderr, flush=True)
+        seconds = time.perf_counter() - begun
+        if shown and seconds > PATIENCE:
+            line = f"{what}: {seconds:.1f} s"
+            print(f"\r{line:{WIDTH}}" if terminal else line, file=sys.stderr, flush=True)

@@ -245,7 +245,7 @@ def test_trajectories_there_and_back(tmp_path):
     try:
         import yaml  # noqa: F401
     except ImportError:
-        with pytest.raises(ImportError, match="pip install 'hamel"):
+        with pytest.raises(ImportError, match="pip install pyyaml"):
             Motion.from_trajectory(path)
     else:
         with pytest.raises(ValueError, match="1 samples"):

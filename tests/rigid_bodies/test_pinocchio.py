@@ -9,7 +9,7 @@ from models import Kind, tree
 from models.effects import Gravity
 from models.forms import canonical, lagrange
 
-pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install 'hamel[bench]'")
+pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
 
 
 def model_of(joints, arm):
