@@ -50,14 +50,14 @@ STAR = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 for a bill, 1 if nothing could be measured, 2 for wrong usage."""
-    parser = command_line()
-    options = parser.parse_args(arguments)
+    options = command_line().parse_args(arguments)
     try:
         scenes = [problem_scene(name) for name in options.problem or ()]
         scenes = scenes or [machine_scene(options.machine, options.q0, options.q1, options.limit)]
         options.output = output_folder(options, "accuracy")
-    except (ValueError, OSError) as error:
-        parser.error(str(error))
+    except (ValueError, OSError, ImportError) as error:
+        print(f"accuracy: {error}", file=sys.stderr)
+        return 2
     bills = [bill(scene, options) for scene in scenes]
     if options.json:
         print(json.dumps(bills[0] if len(bills) == 1 else bills, indent=2))

@@ -1,10 +1,11 @@
-"""One entry for all commands: hamel.py COMMAND ..., each with the options of the script of the same name."""
+"""One entry for all commands: hamel COMMAND ..., each with the options of the script of the same name."""
 
 from __future__ import annotations
 
 import importlib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from reports.command import exit_with
 
@@ -21,13 +22,13 @@ COMMANDS: dict[str, tuple[str, tuple[str, ...], str]] = {
     "stability": ("stability", (), "the stability suite"),
 }
 EXAMPLES = """examples:
-  hamel.py template torus > arm.toml
-  hamel.py card arm.toml
-  hamel.py time-optimal arm.toml --polish --report
-  hamel.py torques results/time_optimal.npz arm.toml --report --force
-  hamel.py study study.toml --jobs 2
+  hamel template torus > arm.toml
+  hamel card arm.toml
+  hamel time-optimal arm.toml --polish --report
+  hamel torques results/time_optimal.npz arm.toml --report --force
+  hamel study study.toml --jobs 2
 
-hamel.py COMMAND --help lists the options of a command."""
+hamel COMMAND --help lists the options of a command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _help() -> str:
     width = max(map(len, COMMANDS)) + 2
     lines = [f"  {name:<{width}}{words}" for name, (_, _, words) in COMMANDS.items()]
-    return "\n".join(["usage: hamel.py COMMAND ...", "", "commands:", *lines, "", EXAMPLES])
+    called = "python scripts/hamel.py" if Path(sys.argv[0]).name == "hamel.py" else "hamel"
+    text = "\n".join(["usage: hamel COMMAND ...", "", "commands:", *lines, "", EXAMPLES])
+    return text.replace("hamel ", f"{called} ")
 
 
 if __name__ == "__main__":

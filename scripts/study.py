@@ -12,6 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(plan(study, store))
             return 0
         options.output = output_folder(options, options.study.stem)
+        _check_exports(options.export)
         table = _run(study, options)
+    except BrokenPipeError:
+        raise
     except (SceneError, StoreError, ImportError, ValueError, RuntimeError, OSError) as error:
         print(f"study: {error}", file=sys.stderr)
         return 2
@@ -145,6 +149,16 @@ def _check_resume(study: Study, store: Path) -> None:
     stored = sum(result is not None for result in study.table().records) if store.exists() else 0
     if not stored:
         raise ValueError(f"--resume: {store} holds no case of this study; its settings differ, or it has not begun")
+
+
+def _check_exports(files: Sequence[Path]) -> None:
+    for path in files:
+        if path.suffix not in (".csv", ".parquet"):
+            raise ValueError(f"--export: got {path}, expected a file .csv or .parquet")
+        if not path.parent.is_dir():
+            raise ValueError(f"--export: there is no folder {path.parent}")
+        if path.suffix == ".parquet" and find_spec("pyarrow") is None:
+            raise ImportError("--export: .parquet needs PyArrow: pip install pyarrow; .csv needs nothing")
 
 
 def _run(study: Study, options: argparse.Namespace) -> StudyTable:

@@ -13,6 +13,7 @@ from reports.command import exit_with  # first: it decides how pictures are draw
 import argparse
 import json
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -65,15 +66,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{scene.card()}\n{task.card(scene.system)}")
         return 0
     quiet = options.quiet or options.json
-    if options.budget:
-        table = budget.effect_budget(scene, task, uniform(task.elements), _silent if quiet else _note)
-        print(json.dumps(table.plain(), indent=2) if options.json else table)
-        return 0 if table.rows[0].ok else 1
     try:
-        options.output = output_folder(options, "time_optimal")
-    except OSError as error:
-        parser.error(f"--output: {error}")
+        if options.report or not options.budget:
+            options.output = output_folder(options, "budget" if options.budget else "time_optimal")
+    except (OSError, ImportError) as error:
+        print(f"time_optimal: {error}", file=sys.stderr)
+        return 2
+    if options.budget:
+        return print_budget(scene, task, document, options)
     return find_motion(scene, task, document, options, _silent if quiet else print)
+
+
+def print_budget(scene: Scene, task: Task, document: Table, options: argparse.Namespace) -> int:
+    """Solve the scene with each effect left out, print what each costs, and write the report if asked for."""
+    quiet, begun = options.quiet or options.json, time.perf_counter()
+
+    def note(text: str) -> None:
+        print(f"[{time.perf_counter() - begun:6.1f} s] {text}", file=sys.stderr, flush=True)
+
+    table = budget.effect_budget(scene, task, uniform(task.elements), _silent if quiet else note)
+    if options.report:
+        from html_reports.budget_page import write_budget_report
+
+        with working("writing the report", not quiet):
+            write_budget_report(options.output / "budget.html", table, scene, task, document)
+    if options.json:
+        print(json.dumps(table.plain(), indent=2))
+    else:
+        print(table)
+    if options.report and not options.json:
+        print(f"files        {options.output / 'budget.html'}")
+    return 0 if table.rows[0].ok else 1
 
 
 def find_motion(
@@ -86,10 +109,10 @@ def find_motion(
     show(f"{task.elements} elements of radau(3), one control value for each; solving ...")
     for note in scene.system.notes:
         show(f"note: {note}")
-    with working("solving", shown):
+    with working("solving", shown, own_line=True):
         solution = solve(task.problem(scene.system), scheme=radau(3), grid=uniform(task.elements))
     if options.polish and isinstance(solution, Solution):
-        with working("polishing", shown):
+        with working("polishing", shown, own_line=True):
             solution = polish(solution)
     elif options.polish:
         show("polish: a motion through points is several phases, which are not polished; left as solved")
@@ -118,8 +141,7 @@ def find_motion(
     else:
         describe(show, solution, report, unrecovered or difference, result, files)
     if not result.ok:
-        reasons = "; ".join([solution.message, *report.failures] if not solution.ok else report.failures)
-        print(f"time_optimal: no verified solution: {reasons or result.cause}", file=sys.stderr)
+        print(f"time_optimal: no verified solution: {result.cause}", file=sys.stderr)
         return 1
     return 0
 
@@ -256,10 +278,6 @@ def _elements(text: str) -> int:
     if value < 1:
         raise argparse.ArgumentTypeError(f"got {value}, expected a whole number >= 1")
     return value
-
-
-def _note(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def _silent(_: str) -> None:

@@ -53,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         include_own_models(options)
         scene, document = chosen(options)
+        options.output = output_folder(options, "torques")
         limits, signals = envelopes(options, scene.machine), scene_limits(document, scene)
         say(f"{scene.machine.name} manipulator{f' ({assumed})' if assumed else ''}, "
             f"{', '.join(repr(e) for e in scene.effects) or 'no effects'}")  # fmt: skip
@@ -64,8 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         account = describe(say, motion, table, scene, signals, options.compare)
         gears(options, document, scene, table, account, say)
-        options.output = output_folder(options, "torques")
         files = write(options, motion, table, scene, (limits, signals), account, say)
+    except BrokenPipeError:
+        raise
     except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
         sentence = " ".join(str(error).split()) or type(error).__name__
         assumption = f" (the machine is {options_machine(options)}, {assumed})" if isinstance(error, ValueError) else ""

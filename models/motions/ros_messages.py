@@ -76,8 +76,7 @@ def _yaml(file: Path, text: str) -> list[Any]:
         import yaml
     except ImportError:
         raise ImportError(
-            f"{file}: reading YAML needs PyYAML; install it with pip install pyyaml, or give the trajectory as "
-            "JSON"
+            f"{file}: reading YAML needs PyYAML; install it with pip install pyyaml, or give the trajectory as JSON"
         ) from None
     try:
         return list(yaml.load_all(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from models.machines.manipulator import Manipulator
+from models.plots.surfaces import Mesh, capsule, joined
 from ocp import Problem, SequenceSolution, Solution
 from ocp.checks import Array
 from ocp.problem.constraints import Where
@@ -134,3 +135,15 @@ def skeleton(machine: Manipulator, q: Array) -> Array:
     k = corners.shape[1]
     points = np.array(ca.Function("skeleton", [machine.q], [corners]).map(len(q))(q.T))
     return points.reshape(3, len(q), k).transpose(1, 2, 0)
+
+
+def links(machine: Manipulator, q: Array) -> tuple[Mesh, ...]:
+    """Return the capsules of all links as one surface for each of the positions q (K, n); () without capsules."""
+    if not machine.shapes:
+        return ()
+    ends = ca.horzcat(*(ca.horzcat(shape.start, shape.end) for shape in machine.shapes))
+    places = skeleton(replace(machine, skeleton=ends), q)
+    return tuple(
+        joined([capsule(pose[2 * k], pose[2 * k + 1], shape.radius) for k, shape in enumerate(machine.shapes)])
+        for pose in places
+    )

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from models.machines.manipulator import Manipulator
-from models.plots.signals import Curves, Motion, curves, minimised, phases, skeleton
+from models.plots.signals import Curves, Motion, curves, links, minimised, phases, skeleton
 from models.plots.space import draw_space
 from models.plots.style import ACCENT, LIMIT, MOTION, File, pretty, saved, styled
 from models.scenes.task import Obstacle
@@ -66,7 +66,8 @@ def motion(
         via = None
         if len(legs) > 1:
             via = skeleton(machine, np.atleast_2d(solution.signal("q", begins[1:])))[:, -1]
-        draw_space(axes, skeleton(machine, solution.signal("q", t)), obstacles, via)
+        q = solution.signal("q", t)
+        draw_space(axes, skeleton(machine, q), obstacles, via, links(machine, q[[0, -1]]))
         axes.set_title("path of the tool, and the arm at seven equal times", fontsize=10)
     figure.legend(handles=_legend(torques is not None), loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle(title or f"{minimised(solution).capitalize()}: $t_f$ = {solution.duration:.6g} s", fontsize=11)

@@ -52,8 +52,9 @@ def surfaces(obstacles: Sequence[Obstacle | Region], middle: Array, half: float)
 
 
 def draw_space(
-    axes: Axes3D, corners: Array, obstacles: Sequence[Obstacle | Region] = (), via: Array | None = None
-) -> None:
+    axes: Axes3D, corners: Array, obstacles: Sequence[Obstacle | Region] = (), via: Array | None = None,
+    links: Sequence[Mesh] = (),
+) -> None:  # fmt: skip
     """Draw a motion in space.
 
     Args:
@@ -61,8 +62,13 @@ def draw_space(
         corners: (K, k, 3) of the arm at equal times, from the base to the tool [m].
         obstacles: of the task.
         via: (m, 3) points that the tool passes [m], or None.
+        links: surfaces of the links at the start and at the goal.
     """
     middle, half = bounds(corners)
+    for points, triangles in links:
+        hull = Poly3DCollection(points[triangles], alpha=0.08, linewidths=0.0)
+        hull.set_facecolor(MOTION)
+        axes.add_collection3d(hull)
     for surface in surfaces(obstacles, middle, half):
         points, triangles = surface.mesh
         faces = Poly3DCollection(points[triangles], alpha=0.12 if surface.inside else 0.35, linewidths=0.0)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, Region
 
 ROUND = 24  # corners of a circle
+COARSE = 10  # of one that moves with an arm
 Mesh = tuple[Array, Array]  # vertices (V, 3) [m], corners of the triangles (F, 3) as indices of vertices
 
 
@@ -26,6 +29,31 @@ def mesh(region: Region, around: Array, reach: float) -> Mesh | None:
     if isinstance(region, Cylinder):
         return _cylinder(region, around, reach)
     return _plane(region, around, reach) if isinstance(region, HalfSpace) else None
+
+
+def capsule(start: Array, end: Array, radius: float) -> Mesh:
+    """Return the surface of a capsule: everything within a radius of a straight line.
+
+    Args:
+        start, end: (3,) of the line [m]; equal points make a ball.
+        radius: > 0 [m].
+    """
+    length = float(np.linalg.norm(end - start))
+    axis = (end - start) / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    one, other = _across(axis)
+    turn = np.linspace(0.0, 2.0 * np.pi, COARSE + 1)
+    ring = np.outer(np.cos(turn), one) + np.outer(np.sin(turn), other)
+    half = np.linspace(0.0, np.pi / 2.0, 4)
+    below = [start - radius * (np.cos(a) * axis - np.sin(a) * ring) for a in half]
+    above = [end + radius * (np.cos(a) * axis + np.sin(a) * ring) for a in half[::-1]]
+    return np.vstack([*below, *above]), _sheet(2 * len(half), len(turn))
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """Return several surfaces as one."""
+    begins = np.cumsum([0, *(len(points) for points, _ in meshes[:-1])])
+    triangles = [corners + begin for (_, corners), begin in zip(meshes, begins, strict=True)]
+    return np.vstack([points for points, _ in meshes]), np.vstack(triangles)
 
 
 def _ball(centre: Array, radius: float) -> Mesh:

@@ -223,6 +223,8 @@ def _checked(solution: Solution, problem: Problem | None) -> tuple[Solution, Pro
     result = with_problem("sensitivity", solution, problem)
     if not solution.ok:
         raise ValueError(f"sensitivity: {solution.message}; only a solved solution has derivatives, solve it first")
+    if not solution.duration > 0.0:
+        raise ValueError("sensitivity: the motion has no duration; move start or goal, then it has derivatives")
     return result
 
 

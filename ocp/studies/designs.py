@@ -266,6 +266,6 @@ def _sampler(name: str) -> Callable[..., Any]:
     try:
         from scipy.stats import qmc
     except ImportError:
-        raise ImportError(f'{name} comes from SciPy: pip install scipy, or take Random') from None
+        raise ImportError(f"{name} comes from SciPy: pip install scipy, or take Random") from None
     sampler: Callable[..., Any] = getattr(qmc, name)
     return sampler

@@ -16,7 +16,7 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-ADVICE = 'move it to a module, a .py file that is imported, or pip install cloudpickle'
+ADVICE = "move it to a module, a .py file that is imported, or pip install cloudpickle"
 
 
 class NotSentError(TypeError):

@@ -167,7 +167,7 @@ class StudyTable:
         try:
             import pandas
         except ImportError:
-            raise ImportError('as_pandas needs pandas: pip install pandas') from None
+            raise ImportError("as_pandas needs pandas: pip install pandas") from None
         return pandas.DataFrame(list(self), columns=list(self.columns))
 
     def as_xarray(self) -> Any:
@@ -180,7 +180,7 @@ class StudyTable:
         try:
             import xarray
         except ImportError:
-            raise ImportError('as_xarray needs xarray: pip install xarray') from None
+            raise ImportError("as_xarray needs xarray: pip install xarray") from None
         data = {name: (self.axes, self.grid(name)) for name in (*self.results, "seconds", "status", "way")}
         assert isinstance(self.design, Product)
         return xarray.Dataset(data, coords={name: list(values) for name, values in self.design.axes.items()})
@@ -224,7 +224,7 @@ class StudyTable:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            raise ImportError('write_parquet needs PyArrow: pip install pyarrow') from None
+            raise ImportError("write_parquet needs PyArrow: pip install pyarrow") from None
         columns = {name: [row[name] for row in self] for name in self.columns}
         content = io.BytesIO()
         pyarrow.parquet.write_table(pyarrow.table(columns), content)

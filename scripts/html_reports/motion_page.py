@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import Panel, time_curves
 from models import Scene
-from models.plots.signals import SHARES, Curves, curves, minimised, phases, skeleton
+from models.plots.signals import SHARES, Curves, curves, links, minimised, phases, skeleton
 from models.plots.structures import COLOURS, PLACES, WORDS, along_motion
 from models.scenes.task import Task
 from models.scenes.toml_document import Table
@@ -25,6 +24,7 @@ from ocp.problem.constraints import Where
 from ocp.solution.structure import Kind, Row
 
 MORE = 0.1  # share by which a limit is widened in the table of what that would gain
+TURN, GO = "Drag to turn, scroll to zoom.", " The slider and a click on a curve below go to a time."
 MOST = 900  # points of a curve that are drawn without thinning
 AT_LIMIT = 1e-3  # share of the range within which a drive counts as at its limit
 
@@ -49,31 +49,39 @@ def write_motion_report(
         OSError: the file cannot be written.
     """
     legs, begins = phases(solution)
-    t = np.linspace(0.0, solution.duration, FRAMES)
+    moves = solution.duration > 0.0
+    t = np.linspace(0.0, solution.duration, FRAMES if moves else 1)
     via = skeleton(scene.machine, np.atleast_2d(solution.signal("q", begins[1:])))[:, -1] if len(legs) > 1 else None
-    space = playback(t, skeleton(scene.machine, solution.signal("q", t)), task.obstacles, via)
+    q = np.atleast_2d(solution.signal("q", t))
+    space = playback(t, skeleton(scene.machine, q), task.obstacles, via, links(scene.machine, q))
     shown = curves(solution)
     rows = solution.structure.rows if isinstance(solution, Solution) and solution.structure is not None else ()
     sections = [
         page.verdict(str(result), result.ok),
         page.paragraph(_summary(solution, scene, shown)),
-        page.section("The motion", page.figure(space, "arm", "Drag to turn, scroll to zoom. The slider and a "
-                                               "click on a curve below go to a time.")),
+        page.section("The motion" if moves else "The position", page.figure(space, "arm", TURN + GO * moves)),
         page.section("Position, velocity and drives over time", page.figure(
             time_curves([_panels(one, rows) for one in shown]), "curves",
             "Dashed: limits. Shaded: times at which a limit is active (blue the lower, orange the upper one)" +
-            (", for the drives the arcs of the switching structure." if rows else "."))),
-        page.section("What limits it", _drives(shown[-1]), _gains(solution)),
+            (", for the drives the arcs of the switching structure." if rows else "."))) if moves else "",
+        page.section("What limits it", _drives(shown[-1]), _gains(solution)) if moves else "",
         _structure(solution, rows),
-        page.section("How accurate it is", _accuracy(report)),
+        page.section("How accurate it is", _accuracy(report)) if solution.ok else
+        page.section("What the solver found", page.listed(solution.message.split("; "))),
         page.section("The scene file that made it", page.preformatted(as_toml(document.entries)),
                      page.preformatted(f"{scene.card()}\n{task.card(scene.system)}", "Card of the scene and the task")),
     ]  # fmt: skip
     title = f"{minimised(solution).capitalize()} of the {scene.machine.name} manipulator"
-    page.write(path, title, [page.data("times", np.round(t, 6).tolist()), *sections], [SCRIPT])
+    title += "" if solution.ok else ": no motion found"
+    page.write(path, title, [page.data("times", np.round(t, 6).tolist()), *sections], [SCRIPT] * moves)
 
 
 def _summary(solution: Solution | SequenceSolution, scene: Scene, shown: Sequence[Curves]) -> str:
+    form = f"{scene.form_name} form, frame {scene.frame_name}"
+    if not solution.ok:
+        return f"There is no motion ({form}). What is shown below is where the solver stopped; it breaks constraints."
+    if not solution.duration > 0.0:
+        return f"Start and goal coincide: nothing moves, and it takes 0 s ({form})."
     drives = shown[-1]
     busy = []
     for i, label in enumerate(drives.labels):
@@ -82,7 +90,6 @@ def _summary(solution: Solution | SequenceSolution, scene: Scene, shown: Sequenc
             busy.append(f"{label.partition(' ')[0]} {100 * share:.0f} %")
     limited = f"Share of the time at a limit of the drive: {', '.join(busy)}." if busy else "No drive is at its limit."
     legs = f" in {len(solution.phases)} legs" if isinstance(solution, SequenceSolution) else ""
-    form = f"{scene.form_name} form, frame {scene.frame_name}"
     return f"The motion takes {solution.duration:.6g} s{legs} ({form}). {limited}"
 
 
@@ -142,11 +149,13 @@ def _gains(solution: Solution | SequenceSolution) -> str:
         if one.where is Where.ALONG and one.limit != 0.0:
             change = MORE * abs(one.limit) * (-1.0 if one.side == "lower" else 1.0)
             unit = f" {one.unit}" if one.unit not in ("", "1") else ""
-            rows.append((f"{one.name}, {one.side} limit {one.limit:.6g}{unit}", one.cost, 1e3 * one.cost * change))
-    rows.sort(key=lambda row: row[2])
-    head = ("limit that is met", "d cost / d limit", f"{100 * MORE:.0f} % wider changes the cost by [1/1000]")
-    note = "To first order, from the multipliers; for the shortest time the cost is in s, so 1/1000 is a millisecond."
-    return page.table(head, rows) + page.paragraph(note if rows else "", "note")
+            rows.append((f"{one.name}, {one.side} limit {one.limit:.6g}{unit}", one.cost, -one.cost * change))
+    rows.sort(key=lambda row: -row[2])
+    quickest = minimised(solution) == "shortest time"
+    factor, unit = (1e3, "ms") if quickest else (1.0, "of the cost")
+    head = ("limit that is met", "d cost / d limit", f"{100 * MORE:.0f} % wider saves [{unit}]")
+    note = page.paragraph("To first order, from the multipliers." if rows else "", "note")
+    return page.table(head, [(*row[:2], factor * row[2]) for row in rows]) + note
 
 
 def _one_limit_moved(problem: Problem) -> Problem | None:
@@ -201,5 +210,4 @@ def _accuracy(report: Report) -> str:
         ),
         ("energy", str(report.energy), "work of the drives less losses less change of energy"),
     ]
-    failures = "".join(f"<li>{html.escape(text)}</li>" for text in report.failures)
-    return page.table(("check", "figure", "of what"), rows) + (f"<ul>{failures}</ul>" if failures else "")
+    return page.table(("check", "figure", "of what"), rows) + page.listed(report.failures)

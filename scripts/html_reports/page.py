@@ -14,8 +14,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from ocp.numerics.files import written_whole
 from reports.output import NEEDS_PLOTLY
+
+from ocp.numerics.files import written_whole
 
 STYLE = """
 :root { color-scheme: light; }
@@ -26,7 +27,8 @@ h1 { font-size: 1.5rem; margin: 0.6rem 0; } h2 { font-size: 1.15rem; margin: 1.6
 table { border-collapse: collapse; margin: 0.4rem 0; } .wide { overflow-x: auto; max-height: 32rem; overflow-y: auto; }
 th, td { padding: 0.15rem 0.7rem; border-bottom: 1px solid #e5e8eb; text-align: right;
   font-variant-numeric: tabular-nums; }
-th { position: sticky; top: 0; background: white; } th:first-child, td:first-child, td.text { text-align: left; }
+th { position: sticky; top: 0; background: white; }
+th:first-child, td:first-child, td.text, th.text { text-align: left; }
 pre { background: #f4f6f8; padding: 0.7rem; overflow-x: auto; font-size: 13px; } figure { margin: 0.3rem 0; }
 figcaption, .note { color: #5a6875; font-size: 0.9rem; } details > summary { cursor: pointer; }
 tr.chosen td { background: #fff3d6; } tr[data-case] { cursor: pointer; }
@@ -72,7 +74,10 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]], keys: Sequenc
     """
     if not rows:
         return ""
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in header)
+    texts = [any(isinstance(row[c], str) for row in rows) for c in range(len(header))]
+    head = "".join(
+        f"<th{' class=text' if text else ''}>{html.escape(name)}</th>" for name, text in zip(header, texts, strict=True)
+    )
     lines = []
     for k, row in enumerate(rows):
         cells = "".join(
@@ -81,6 +86,12 @@ def table(header: Sequence[str], rows: Sequence[Sequence[object]], keys: Sequenc
         )
         lines.append(f"<tr{'' if keys is None else f' data-case={json.dumps(str(keys[k]))}'}>{cells}</tr>")
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Return sentences as a list; none is nothing."""
+    items = "".join(f"<li>{html.escape(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>" if items else ""
 
 
 def figure(drawing: Any, name: str, caption: str = "") -> str:

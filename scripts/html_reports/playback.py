@@ -9,6 +9,7 @@ import numpy as np
 
 from html_reports.page import plotly
 from models.plots.space import bounds, surfaces
+from models.plots.surfaces import Mesh
 from models.scenes.task import Obstacle
 from ocp.checks import Array
 from ocp.problem.regions import Region
@@ -36,15 +37,17 @@ SCRIPT = """
 
 
 def playback(
-    t: Array, corners: Array, obstacles: Sequence[Obstacle | Region] = (), via: Array | None = None, height: int = 620
-) -> Any:
-    """Return a figure with a slider of time and a play button.
+    t: Array, corners: Array, obstacles: Sequence[Obstacle | Region] = (), via: Array | None = None,
+    links: Sequence[Mesh] = (), height: int = 640,
+) -> Any:  # fmt: skip
+    """Return a figure with a slider of time and a play button; a motion of no length is a still picture.
 
     Args:
         t: (K,) times of the poses, equally far apart [s].
         corners: (K, k, 3) of the arm, from the base to the tool [m].
         obstacles: of the task.
         via: (m, 3) points that the tool passes [m], or None.
+        links: surface of the links at each time; () for lines alone.
         height: of the figure in pixels.
     """
     go = plotly()
@@ -53,13 +56,13 @@ def playback(
     for one in shapes:
         half = max(half, min(float(np.abs(one.mesh[0] - middle).max()), 1.5 * half))
     points = np.round(corners, 5)
-    drawing = go.Figure(data=[_arm(points[0]), *_still(points, shapes, via)])
-    drawing.frames = [
-        go.Frame(name=str(k), data=[{"type": "scatter3d", **_coordinates(pose)}], traces=[0])
-        for k, pose in enumerate(points)
-    ]
-    step = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
-    play = {"fromcurrent": True, "frame": {"duration": 40, "redraw": True}, "transition": {"duration": 0}}
+    drawing = go.Figure(data=[_arm(points[0]), *_still(points, shapes, via), *_hull(links[:1])])
+    moved = [0, len(drawing.data) - 1] if links else [0]
+    if t[-1] > t[0]:
+        drawing.frames = [
+            go.Frame(name=str(k), data=[_arm_at(pose), *_hull_at(links[k : k + 1])], traces=moved)
+            for k, pose in enumerate(points)
+        ]
     drawing.update_layout(
         height=height,
         margin={"l": 0, "r": 0, "t": 10, "b": 0},
@@ -69,9 +72,30 @@ def playback(
                 for c, at in zip("xyz", middle, strict=True)
             },
             "aspectmode": "cube",
-            "camera": {"eye": {"x": 1.25, "y": -1.35, "z": 0.75}},
+            "camera": {"eye": {"x": 1.3, "y": -1.4, "z": 0.8}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
+            "annotations": ends_named(points[:, -1]),
         },
         legend={"x": 0.0, "y": 1.0, "bgcolor": "rgba(255,255,255,0.6)"},
+    )
+    return _moving(drawing, t) if drawing.frames else drawing
+
+
+def ends_named(tool: Array) -> list[dict[str, Any]]:
+    """Return the words beside both ends of the path (K, 3) of the tool; they are never hidden by the arm."""
+    ends = [("start", tool[0]), ("goal", tool[-1])]
+    if np.allclose(tool[0], tool[-1]):
+        ends = [("start and goal", tool[0])]
+    return [
+        {**dict(zip("xyz", point.tolist(), strict=True)), "text": text, "showarrow": False, "yshift": 14}
+        for text, point in ends
+    ]
+
+
+def _moving(drawing: Any, t: Array) -> Any:
+    """Return the figure with a slider of time and the buttons that play it."""
+    step = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
+    play = {"fromcurrent": True, "frame": {"duration": 40, "redraw": True}, "transition": {"duration": 0}}
+    return drawing.update_layout(
         sliders=[{
             "currentvalue": {"prefix": "t = ", "suffix": " s"}, "pad": {"t": 10, "b": 10}, "x": 0.12, "len": 0.86,
             "steps": [
@@ -87,7 +111,25 @@ def playback(
             ],
         }],
     )  # fmt: skip
-    return drawing
+
+
+def _arm_at(pose: Array) -> dict[str, Any]:
+    return {"type": "scatter3d", **_coordinates(pose)}
+
+
+def _hull_at(surfaces: Sequence[Mesh]) -> list[dict[str, Any]]:
+    return [{"type": "mesh3d", **_coordinates(np.round(points, 4))} for points, _ in surfaces]
+
+
+def _hull(surfaces: Sequence[Mesh]) -> list[Any]:
+    """Return the surface of the links at the first time as a trace, if there is one."""
+    style = {"name": "links", "color": ARM, "opacity": 0.35, "showlegend": True, "hoverinfo": "skip"}
+    return [
+        plotly().Mesh3d(
+            **_coordinates(np.round(points, 4)), **dict(zip("ijk", triangles.T.tolist(), strict=True)), **style
+        )
+        for points, triangles in surfaces
+    ]
 
 
 def _arm(pose: Array) -> Any:
@@ -101,9 +143,9 @@ def _still(points: Array, shapes: Sequence[Any], via: Array | None) -> list[Any]
         go.Scatter3d(**_coordinates(tool), mode="lines", name="path of the tool", line={"width": 5, "color": PATH}),
         go.Scatter3d(**_coordinates(points[0]), mode="lines", name="arm at the start",
                      line={"width": 3, "color": "#9aa5b1"}),
-        go.Scatter3d(**_coordinates(tool[:1]), mode="markers+text", text=["start"], name="start", marker={"size": 5}),
-        go.Scatter3d(**_coordinates(tool[-1:]), mode="markers+text", text=["goal"], name="goal",
-                     marker={"size": 5, "symbol": "square"}),
+        go.Scatter3d(**_coordinates(tool[:1]), mode="markers", name="start", marker={"size": 6, "color": ARM}),
+        go.Scatter3d(**_coordinates(tool[-1:]), mode="markers", name="goal",
+                     marker={"size": 6, "symbol": "square", "color": PATH}),
     ]  # fmt: skip
     if via is not None and len(via):
         marker = {"size": 5, "symbol": "diamond", "color": MARK}

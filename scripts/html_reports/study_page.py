@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reports.verdict import diagnosis
 
 from html_reports import page
 from html_reports.playback import playback
@@ -34,8 +35,11 @@ SCRIPT = """
     const frames = motion.poses.map((p, i) => ({name: String(i), data: [at(p)], traces: [0]}));
     const ends = [motion.poses[0], tool, motion.poses[0], tool.map(c => [c[0]]), tool.map(c => [c[c.length - 1]])];
     const data = arm.data.map((trace, i) => i < ends.length ? {...trace, ...at(ends[i])} : trace);
+    const names = arm.layout.scene.annotations.map((a, i) => ({...a, ...Object.fromEntries(
+      ["x", "y", "z"].map((c, j) => [c, i ? tool[j][tool[j].length - 1] : tool[j][0]]))}));
     const sliders = [{...arm.layout.sliders[0], active: 0}];
-    Plotly.react(arm, {data: data, layout: {...arm.layout, sliders: sliders}, frames: frames});
+    Plotly.react(arm, {data: data, layout: {...arm.layout, sliders: sliders,
+      scene: {...arm.layout.scene, annotations: names}}, frames: frames});
     title.textContent = motion.title;
     document.querySelectorAll("tr[data-case]").forEach(r => r.classList.toggle("chosen", r.dataset.case === String(k)));
   };
@@ -68,17 +72,14 @@ def write_study_report(
         ImportError: Plotly is not installed.
         OSError: the file cannot be written.
     """
-    axes = numeric(table)
+    axes = varying(table)
     motions, drawing = _motions(table, at)
     solved, failed = int(table.ok.sum()), table.failures
     sentence = f"{len(table)} cases, {solved} solved" + (f", {len(failed)} failed" if failed else "")
     odd = [f"cases {a} and {b} probably lie in different local optima" for a, b in jumps(table)[:10]] if solved else []
     some = solved > 0 and bool(axes)
     columns = [*table.axes, result, *[c for c in table.results if c not in (result, "cost") and not c.startswith("d ")]]
-    rows = [
-        (k, *(_cell(table.cases[k].get(c, table[c][k])) for c in columns), str(table["way"][k]))
-        for k in range(len(table))
-    ]
+    rows = [(k, *(table.cases[k].get(c, table[c][k]) for c in columns), table["way"][k]) for k in range(len(table))]
     head = ("case", *(_label(c, units) for c in columns), "how it was solved")
     sections = [
         page.verdict(sentence, not failed),
@@ -90,8 +91,10 @@ def write_study_report(
         page.section("What it depends on", _ranking(table, result)) if some else "",
         page.section("The motion of a case", '<p id="case"></p>', page.figure(drawing, "arm")) if drawing else "",
         page.section("Failures and their diagnosis", page.table(
-            ("case", *table.axes, "what happened"),
-            [(str(k), *(_cell(table.cases[k][a]) for a in table.axes), words) for k, words in failed.items()])),
+            ("case", *table.axes, "cause", "remedy"),
+            [(k, *(table.cases[k][a] for a in table.axes), *diagnosis(words)) for k, words in failed.items()]),
+            page.preformatted("\n\n".join(f"case {k}: {words}" for k, words in failed.items()), "In full")
+            if failed else ""),
         page.section("Cases", page.table(head, rows, list(range(len(table))))),
         page.section("The study file that made it", page.preformatted(text)),
     ]  # fmt: skip
@@ -130,21 +133,35 @@ def _motions(table: StudyTable, at: Callable[[int], tuple[Scene, Task]]) -> tupl
     return motions, drawing
 
 
+def varying(table: StudyTable) -> list[str]:
+    """Return the axes on which solved cases differ, of numbers or texts."""
+    return [name for name in table.axes if len(dict.fromkeys(map(str, table[name][table.ok]))) > 1]
+
+
 def _parallel(table: StudyTable, axes: list[str], result: str, units: Mapping[str, str]) -> Any:
     go, ok = page.plotly(), table.ok
     others = [c for c in table.results if c not in (result, "cost", "iterations") and not c.startswith("d ")]
     chosen = [*axes, result, *(c for c in others if np.ptp(table[c][ok]) > 0.0)][:BRUSHED]
-    dimensions = [{"label": _label(c, units), "values": table[c][ok].tolist()} for c in chosen]
     line = {"color": table[result][ok].tolist(), "colorscale": "Viridis", "showscale": True}
-    drawing = go.Figure(go.Parcoords(line=line, dimensions=dimensions))
-    return drawing.update_layout(height=420, margin={"l": 90, "r": 30, "t": 60, "b": 30})
+    dimensions = [_dimension(table[c][ok], _label(c, units)) for c in chosen]
+    drawing = go.Figure(go.Parcoords(line=line, dimensions=dimensions, labelangle=-12))
+    return drawing.update_layout(height=440, margin={"l": 90, "r": 30, "t": 90, "b": 30})
+
+
+def _dimension(values: Any, label: str) -> dict[str, Any]:
+    """Return a column of the parallel coordinates; texts stand at whole numbers."""
+    if values.dtype.kind in "fiu":
+        return {"label": label, "values": values.tolist()}
+    words = list(dict.fromkeys(map(str, values)))
+    numbers = [words.index(str(value)) for value in values]
+    return {"label": label, "values": numbers, "tickvals": list(range(len(words))), "ticktext": words}
 
 
 def _over(table: StudyTable, axes: list[str], result: str, units: Mapping[str, str]) -> Any:
     go, ok = page.plotly(), np.flatnonzero(table.ok)
     drawing = page.plotly("subplots").make_subplots(rows=1, cols=max(2, min(len(axes), 4)))
     label = _label(result, units)
-    if len(axes) == 2 and is_grid(table, axes):
+    if len(axes) == 2 and numeric(table) == axes and is_grid(table, axes):
         x, y = (np.unique(table[a]) for a in axes)
         z = np.full((len(y), len(x)), np.nan)
         z[np.searchsorted(y, table[axes[1]][ok]), np.searchsorted(x, table[axes[0]][ok])] = table[result][ok]
@@ -161,13 +178,18 @@ def _over(table: StudyTable, axes: list[str], result: str, units: Mapping[str, s
         drawing.update_yaxes(title_text=_label(axes[1], units))
         return drawing.update_layout(height=480, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})
     for i, axis in enumerate(axes[:4]):
-        hover = f"case %{{customdata}}: {axis} %{{x:.4g}}, {result} %{{y:.6g}}<extra></extra>"
-        drawing.add_trace(go.Scatter(x=table[axis][ok].tolist(), y=table[result][ok].tolist(), customdata=ok.tolist(),
+        hover = f"case %{{customdata}}: {axis} %{{x}}, {result} %{{y:.6g}}<extra></extra>"
+        drawing.add_trace(go.Scatter(x=_words(table[axis][ok]), y=table[result][ok].tolist(), customdata=ok.tolist(),
                                      mode="markers", marker={"size": 7, "color": "#1f4e79"}, hovertemplate=hover),
                           1, i + 1)  # fmt: skip
         drawing.update_xaxes(title_text=_label(axis, units), row=1, col=i + 1)
         drawing.update_yaxes(title_text=label if i == 0 else "", row=1, col=i + 1)
     return drawing.update_layout(height=420, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})
+
+
+def _words(values: Any) -> list[Any]:
+    """Return values of an axis for a figure: numbers as they are, anything else as text."""
+    return values.tolist() if values.dtype.kind in "fiu" else list(map(str, values))
 
 
 def _failed(drawing: Any, table: StudyTable, x: str, y: str) -> None:

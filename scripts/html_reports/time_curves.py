@@ -13,7 +13,8 @@ from ocp.checks import Array
 
 ACTIVE = 1e-3  # share of the range within which a limit counts as active
 HIGH, LOW, TOUCH = "#e69f00", "#56b4e9", "#b03a2e"
-HEIGHT = 150  # of a panel [pixels]
+HEIGHT = 150  # of a panel with its label [pixels]
+TALL = 0.76  # share of it that is the panel
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +50,18 @@ def time_curves(columns: Sequence[Sequence[Panel]]) -> Any:
             y = f"y{number if number > 1 else ''}"
             top = 1.0 - r / rows
             drawing.update_layout({f"yaxis{y[1:]}": {
-                "domain": [top - 0.82 / rows, top], "anchor": x, "title": {"text": panel.label, "font": {"size": 12}},
-                "nticks": 5, "zeroline": False,
+                "domain": [top - TALL / rows, top], "anchor": x, "nticks": 5, "zeroline": False, "exponentformat": "e",
             }})  # fmt: skip
+            drawing.add_annotation(
+                text=panel.label, x=left, y=top, xref="paper", yref="paper", showarrow=False, xanchor="left",
+                yanchor="bottom", font={"size": 12},
+            )  # fmt: skip
             _traces(drawing, panel, x, y, number)
             shapes += [_rectangle(x, y, *span) for span in [*panel.spans, *_active(panel)]]
             if panel.heading:
                 drawing.add_annotation(
-                    text=panel.heading, x=left + width / 2, y=top + 0.012, xref="paper", yref="paper",
-                    showarrow=False, yanchor="bottom", font={"size": 13},
+                    text=panel.heading, x=left + width / 2, y=top, xref="paper", yref="paper",
+                    showarrow=False, yanchor="bottom", yshift=16, font={"size": 13, "weight": 600},
                 )  # fmt: skip
         bottom = f"y{number if number > 1 else ''}"
         drawing.update_layout({f"xaxis{x[1:]}": {
@@ -65,11 +69,11 @@ def time_curves(columns: Sequence[Sequence[Panel]]) -> Any:
             "spikemode": "across", "spikethickness": 1, "matches": "x" if c else None,
         }})  # fmt: skip
         start = float(panels[0].t[0])
-        low = 1.0 - (number - first + 0.82) / rows
+        low = 1.0 - (number - first + TALL) / rows
         shapes.append({"type": "line", "name": "cursor", "xref": x, "yref": "paper", "x0": start, "x1": start,
                        "y0": low, "y1": 1.0, "line": {"color": "black", "width": 1.2}})  # fmt: skip
     drawing.update_layout(
-        height=HEIGHT * rows + 110, margin={"l": 60, "r": 10, "t": 40, "b": 40}, showlegend=False,
+        height=HEIGHT * rows + 110, margin={"l": 60, "r": 10, "t": 50, "b": 40}, showlegend=False,
         hovermode="x unified", hoversubplots="axis", shapes=shapes, plot_bgcolor="white",
     )  # fmt: skip
     drawing.update_xaxes(gridcolor="#e5e8eb")
@@ -87,7 +91,7 @@ def _traces(drawing: Any, panel: Panel, x: str, y: str, number: int) -> None:
             hovertemplate=f"{line or name} {shown}<extra></extra>",
             line={"width": 2 if k == 0 else 1.2, "color": None if k else "#1f4e79"},
         ))  # fmt: skip
-    low, high = (float(f(np.concatenate(list(panel.lines.values())))) for f in (np.min, np.max))
+    low, high = (float(f(np.concatenate(list(panel.lines.values())))) for f in (np.nanmin, np.nanmax))
     near = 1.5 * max(high - low, 1e-12)
     for side in (panel.lower, panel.upper):
         if side is None:

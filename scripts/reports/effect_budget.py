@@ -45,6 +45,7 @@ class Budget:
 
     drives: tuple[str, ...]  # name and unit of each drive's torque
     rows: tuple[Row, ...]  # the whole scene first
+    motions: tuple[Solution | SequenceSolution | None, ...] = ()  # of the rows; None where there is none
 
     def plain(self) -> dict[str, object]:
         """Return the table as plain data."""
@@ -107,18 +108,20 @@ def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str]
     labels = scene.system.label("tau", len(scene.machine.coordinates))
     progress("budget: the whole scene ...")
     whole, first = _row("", scene, task, grid, None)
-    rows = [whole]
+    rows, motions = [whole], [first if whole.ok else None]
     for number, effect in enumerate(scene.effects, 1):
         name = name_of(effect)
         progress(f"budget: without {name} ({number} of {len(scene.effects)}) ...")
+        motion = None
         try:
             bare = scene.without(effect)
-            row, _ = _row(name, bare, task.known_to(bare.system), grid, first if whole.ok else None)
+            row, motion = _row(name, bare, task.known_to(bare.system), grid, first if whole.ok else None)
         except (ValueError, KeyError) as error:
             nothing = (np.nan,) * len(labels)
             row = Row(name, None, False, str(error), np.nan, nothing, np.nan, np.nan, np.nan, 0)
         rows.append(row)
-    return Budget(tuple(map(str, labels)), tuple(rows))
+        motions.append(motion if row.ok else None)
+    return Budget(tuple(map(str, labels)), tuple(rows), tuple(motions))
 
 
 def _row(

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 
-from ocp import Report, SequenceSolution, Solution
+from ocp import Report, SequenceSolution, Solution, Status
 
 AGREEMENT = 1e-8  # of recovered torques with those of the solution, share of the limit
+TRIED = re.compile(r" \(guesses tried: [^)]*\)")
+ADVICE = ("raise ", "move ", "loosen ", "widen ", "give ", "use ", "try ")
 SMALL = 1e-3  # share of the duration below which a possible gain is not worth a finer grid
 
 
@@ -39,12 +42,33 @@ def verdict(solution: Solution | SequenceSolution, report: Report, difference: f
     return Verdict(False, f"not verified: {cause}", cause, remedy)
 
 
+def diagnosis(message: str) -> tuple[str, str]:
+    """Return the one cause and the one remedy that matter most in the message of a failed solve.
+
+    A diagnosis lists what is wrong, each with its remedy behind it where there is one. What is wrong with the task
+    comes before what the last iterate breaks.
+
+    Args:
+        message: of a solution that is not ok.
+    """
+    plain = TRIED.sub("", message)
+    for status in (Status.INFEASIBLE, Status.FAILED):
+        plain = plain.removeprefix(f"{status.value}: ")
+    parts = plain.replace(": try ", "; try ").split("; ")
+    advised = [k for k, part in enumerate(parts) if k and part.startswith(ADVICE)]
+    first = next((k for k in advised if " cannot " in parts[k - 1]), next(iter(advised), None))
+    if first is None:
+        return parts[0], "change limits, ends or duration, and look at --card"
+    too_short = [part for part in parts if part.startswith("the shortest motion found")]
+    general = parts[first].startswith("try")
+    return (*too_short, parts[0 if general else first - 1])[0], parts[first]
+
+
 def _fault(solution: Solution | SequenceSolution, report: Report, difference: float) -> tuple[str, str]:
     legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
     finer = f"a finer grid, --nodes {2 * max(len(leg.grid) for leg in legs)}"
     if not solution.ok:
-        first, _, rest = solution.message.partition("; ")
-        return first, rest.split("; ")[-1] if rest else "change limits, ends or duration, and look at --card"
+        return diagnosis(solution.message)
     words = " ".join(report.failures)
     if "drifts" in words:
         return f"integrated with its own torques the motion drifts away by {report.drift:.1e} of the range", finer
@@ -69,8 +93,8 @@ def _accuracy(solution: Solution | SequenceSolution, report: Report) -> str:
         return limits
     gain = max(float(report.switching), 0.0)
     advice = "" if gain < SMALL else "; --polish finds it"
-    return f"{limits}, and at most about {_percent(gain)} of the cost is left to gain nearby{advice}"
+    return f"{limits}, and {_percent(gain, 'about ')} of the cost is left to gain nearby{advice}"
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share >= 1e-6 else "less than 0.0001 %"
+def _percent(share: float, about: str = "") -> str:
+    return f"{about}{100 * share:.2g} %" if share >= 1e-6 else "less than 0.0001 %"

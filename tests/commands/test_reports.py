@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("plotly", reason='reports need Plotly: pip install plotly')
+pytest.importorskip("plotly", reason="reports need Plotly: pip install plotly")
 
 import accuracy
 import study

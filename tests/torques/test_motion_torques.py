@@ -252,7 +252,7 @@ def test_limits_of_effects_along_a_motion():
     found = broken_limits(Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 7)))
     table = Motion.septic(q0, q1, 0.8).torques(arm, effects, times=np.linspace(0.0, 0.8, 40_001))
     share = table.tau / [400.0, 900.0, 300.0] + table.v / 6.0
-    outside = np.any(np.abs(share) > 1.0 + 1e-4, axis=1) | (np.abs(table.tau[:, 1]) > 250.0 * (1 + 1e-4))
+    outside = np.any(np.abs(share) > 1.0 + SLACK, axis=1) | (np.abs(table.tau[:, 1]) > 250.0 * (1 + SLACK))
     covered = np.any([(table.t >= span.start) & (table.t <= span.end) for span in found], axis=0)
     assert 0.1 < np.mean(outside) < 0.9
     assert np.mean(covered != outside) < 2e-4
