@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 from reports import effect_budget as budget
+from reports.arm_template import template
 from reports.controller_files import write_at_rate
 from reports.motion_account import Files, account, describe, named
 from reports.motion_table import at_points, tabulate, write_csv
@@ -39,6 +40,7 @@ EXAMPLES = """examples:
   python scripts/time_optimal.py                                 the default task of the spherical manipulator
   python scripts/time_optimal.py --machine torus --polish        exact switching times, with their table
   python scripts/time_optimal.py --template torus > arm.toml     a commented scene file to start from
+  python scripts/time_optimal.py --template ur5.urdf > arm.toml  of a robot description, or of a robot by name: ur5
   python scripts/time_optimal.py arm.toml --card                 what it is, before it is solved
   python scripts/time_optimal.py arm.toml --report               an HTML report with the motion in 3D
   python scripts/time_optimal.py arm.toml --budget               what each effect costs
@@ -52,13 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 for a verified solution, 1 for none, 2 for wrong usage."""
     parser = command_line()
     options = parser.parse_args(arguments)
-    if options.template:
-        print(scene_text(options.template), end="")
-        return 0
     try:
         include_own_models(options)
+        if options.template:
+            print(template(options.template), end="")
+            return 0
         scene, task, document = chosen(parser, options)
-    except SceneError as error:
+    except (SceneError, ValueError) as error:
         print(f"time_optimal: {error}", file=sys.stderr)
         return 2
     task = task if options.nodes is None else replace(task, elements=options.nodes)
@@ -262,7 +264,10 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--rate", type=float, metavar="HZ", help="write CSV and JointTrajectory at this rate, too")
     add_output(parser, "CSV, NPZ, pictures and report")
     parser.add_argument("--report", action="store_true", help="write an HTML report with the motion in 3D, too")
-    parser.add_argument("--template", choices=TASKS, metavar="MACHINE", help="print a commented scene file and stop")
+    parser.add_argument(
+        "--template", metavar="MACHINE", help="print a commented scene file of a machine, a robot (ur5, panda, ...) or "
+        "a URDF file, and stop",
+    )  # fmt: skip
     parser.add_argument("--card", action="store_true", help="print the card of the scene and the task, and stop")
     parser.add_argument("--budget", action="store_true", help="solve again with each effect left out; what each costs")
     parser.add_argument(

@@ -50,8 +50,11 @@ def spherical(
         m_2: mass of the swivelling body [kg].
         m_3: mass of the arm [kg].
         Theta_1_33: moment of inertia of the column about the vertical [kg m^2].
-        Theta_2_11, Theta_2_22, Theta_2_33: principal moments of the swivelling body, 3 along the arm [kg m^2].
-        Theta_3_11, Theta_3_22, Theta_3_33: of the arm; Theta_3_22 equals Theta_3_11 unless given [kg m^2].
+        Theta_2_11: principal moment of the swivelling body about the axis of theta, through its mass centre [kg m^2].
+        Theta_2_22: of the swivelling body across that axis and the arm [kg m^2].
+        Theta_2_33: of the swivelling body about the line of the arm [kg m^2].
+        Theta_3_11, Theta_3_22: principal moments of the arm across its line, equal unless both are given [kg m^2].
+        Theta_3_33: principal moment of the arm about its own line [kg m^2].
         l_T: distance of the tool from the mass centre of the arm [m].
         physical: False admits what no body has (massless, without inertia), for idealised arms.
 

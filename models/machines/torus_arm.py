@@ -55,13 +55,20 @@ def torus(
     general case; `paper` and `other_root` are the two roots of (5.5) in the same directions.
 
     Args:
-        L_2, L_3: lengths of the links, mass centres half way [m].
+        L_2: length of link 2, its mass centre half way [m].
+        L_3: length of link 3, its mass centre half way [m].
         B: offset of the arm plane from the vertical axis [m].
-        m_2, m_3: masses of the links [kg].
+        m_2: mass of link 2, the one on the column [kg].
+        m_3: mass of link 3 [kg].
         Theta_1_33: moment of inertia of the column about the vertical [kg m^2].
-        Theta_2_11, Theta_2_22, Theta_2_33, Theta_2_12, Theta_2_13, Theta_2_23: tensor of link 2 about its mass
-            centre; off-diagonal entries are tensor components, minus the products of inertia [kg m^2].
-        Theta_3_11, Theta_3_22, Theta_3_33, Theta_3_12, Theta_3_13, Theta_3_23: of link 3 [kg m^2].
+        Theta_2_11: moment of inertia of link 2 about its own line [kg m^2].
+        Theta_2_22: of link 2 about the axis of its joint, through its mass centre [kg m^2].
+        Theta_2_33: of link 2 about the third axis, across both [kg m^2].
+        Theta_2_12, Theta_2_13, Theta_2_23: minus the products of inertia of link 2, in these axes [kg m^2].
+        Theta_3_11: moment of inertia of link 3 about its own line [kg m^2].
+        Theta_3_22: of link 3 about the axis of its joint, through its mass centre [kg m^2].
+        Theta_3_33: of link 3 about the third axis, across both [kg m^2].
+        Theta_3_12, Theta_3_13, Theta_3_23: minus the products of inertia of link 3, in these axes [kg m^2].
         l_T: distance of the tool from the mass centre of link 3; the end of the link unless given [m].
         physical: False admits what no body has (massless, without inertia), for idealised arms.
 

@@ -75,7 +75,7 @@ def scene_text(name: str) -> str:
         name: of the machine.
     """
     make = catalogue.machines()[name]
-    return "\n".join([*_head(name, make()), *_parameters(name), *_effects(), *_task(make(), TASKS[name])]) + "\n"
+    return "\n".join([*_head(name, make()), *_parameters(name), *effect_lines(), *_task(make(), TASKS[name])]) + "\n"
 
 
 def _head(name: str, machine: Manipulator) -> Iterator[str]:
@@ -106,7 +106,8 @@ def _parameters(name: str) -> Iterator[str]:
     yield ""
 
 
-def _effects() -> Iterator[str]:
+def effect_lines() -> Iterator[str]:
+    """Yield the lines of all effects: gravity on, the others in comments, with what each of their numbers is."""
     yield "# Effects: only those that stand here are in the equations. Remove '# ' to switch one on."
     yield ""
     for name, kind in sorted(catalogue.effects().items(), key=lambda pair: pair[0] != "gravity"):

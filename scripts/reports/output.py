@@ -58,10 +58,12 @@ def output_folder(options: argparse.Namespace, stem: str) -> Path:
             )
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):  # a folder without write permission, or a full disk, is noticed here
+            return folder
     except FileExistsError:
-        raise FileExistsError(f"{folder} is a file, expected a folder") from None
-    with tempfile.TemporaryFile(dir=folder):  # a folder without write permission, or a full disk, is noticed here
-        return folder
+        raise FileExistsError(f"--output: {folder} is a file, expected a folder") from None
+    except OSError as error:
+        raise OSError(f"--output: {folder} cannot be written to: {error.strerror or error}") from None
 
 
 def _agreed(folder: Path, names: Sequence[str]) -> bool:
