@@ -7,6 +7,7 @@ from models.effects.friction import Coulomb, Stribeck, Viscous
 from models.effects.gear_efficiency import GearEfficiency
 from models.effects.gravity import Gravity
 from models.effects.joint_stop import JointStop
+from models.effects.motion_limits import MotionLimits, TorqueRate
 from models.effects.motor import MotorDrive, WindingHeat
 from models.effects.payload import Payload
 from models.effects.rotor import RotorInertia
@@ -20,6 +21,7 @@ from models.mechanics.terms import State as State
 from models.mechanics.terms import Terms as Terms
 
 __all__ = [
-    "Coulomb", "Counterbalance", "ElasticDrive", "GearEfficiency", "Gravity", "JointStop", "LaggedDrive", "MotorDrive",
-    "Payload", "PowerLimit", "RotorInertia", "Stribeck", "ToolForce", "TorqueSpeed", "Viscous", "WindingHeat",
+    "Coulomb", "Counterbalance", "ElasticDrive", "GearEfficiency", "Gravity", "JointStop", "LaggedDrive",
+    "MotionLimits", "MotorDrive", "Payload", "PowerLimit", "RotorInertia", "Stribeck", "ToolForce", "TorqueRate",
+    "TorqueSpeed", "Viscous", "WindingHeat",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ import casadi as ca
 from models.machines.frames import Frame, without_negligible
 from models.mechanics.mechanics import Mechanics
 from models.mechanics.singular_metric import singularities, vanishing_inertia
-from models.mechanics.terms import Quantity
+from models.mechanics.terms import OF_MOTION, Quantity
 from ocp.system import Implicit, Label, System
 
 
@@ -77,6 +77,7 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
     labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
     x, u, p, rate = _rate(mechanics, equations)
+    signals = _with_motion(mechanics, signals, (x, u, rate))
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
     if mechanics.recursion is None:
         singular = singularities(machine, frame, mechanics.frame(None), nominal)
@@ -96,15 +97,42 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
         limits=terms.limits,
         initial={name: state.initial for name, state in states.items() if state.initial is not None},
         singular=singular,
-        implicit=None if equations.inner is None else _implicit(mechanics, equations.inner, x, u, p),
+        implicit=None if equations.inner is None else _implicit(mechanics, equations.inner, x, u, p, signals),
     )
 
 
-def _implicit(mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p: ca.SX) -> Implicit:
+def _with_motion(
+    mechanics: Mechanics, signals: dict[str, ca.SX], equations: tuple[ca.SX, ca.SX, ca.SX]
+) -> dict[str, ca.SX]:
+    """Return the signals with accelerations and jerks, which follow from the rate, in those that read them.
+
+    Raises:
+        ValueError: a jerk is read, and depends on the rate of a control.
+    """
+    reads = [read for read in mechanics.terms.reads if read.name in OF_MOTION]
+    if not reads:
+        return signals
+    x, u, rate = equations
+    values = {"acceleration": ca.cse(ca.jtimes(signals["v"], x, rate))}
+    if any(read.name == "jerk" for read in reads):
+        if ca.depends_on(values["acceleration"], u):
+            read = next(read for read in reads if read.name == "jerk")
+            raise ValueError(
+                f"{read.reader} limits the jerk, but torques of drives may jump; add {read.cure} to all drives"
+            )
+        values["jerk"] = ca.cse(ca.jtimes(values["acceleration"], x, rate))
+    symbols, meanings = [read.symbol for read in reads], [values[read.name] for read in reads]
+    return {name: ca.substitute([signal], symbols, meanings)[0] for name, signal in signals.items()}
+
+
+def _implicit(
+    mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p: ca.SX, signals: dict[str, ca.SX]
+) -> Implicit:
     """Return the implicit rate of a system, the rates of the states of effects included."""
     v, right = mechanics.machine.v, ca.SX.sym("b", inner.y.numel())
     states = [ca.substitute(mechanics.resolved(state.rate), v, inner.v) for state in mechanics.terms.states.values()]
     n, mirror = inner.y.numel(), None
+    shorter = {"acceleration": inner.y} if inner.rate is inner.y and "acceleration" in signals else {}
     if inner.other is not None:
         weights = ca.DM.triplet(list(range(n, 2 * n)), list(range(n)), ca.DM.ones(n), x.numel(), x.numel())
         mirror = weights, ca.densify(ca.vertcat(inner.v, inner.other, *states))
@@ -114,7 +142,7 @@ def _implicit(mechanics: Mechanics, inner: InnerEquations, x: ca.SX, u: ca.SX, p
         residual=ca.densify(inner.residual),
         value=ca.densify(inner.value),
         solve=ca.Function("solve", [x, u, p, right], [inner.solve(right)]),
-        signals={"v": inner.y} if inner.reads_v else {},
+        signals={"v": inner.y} if inner.reads_v else shorter,
         mirror=mirror,
     )
 

@@ -11,7 +11,7 @@ import casadi as ca
 from models.machines.frames import Frame, curl, fixed, partial_derivative
 from models.machines.manipulator import Manipulator
 from models.machines.recursion import Recursion
-from models.mechanics.terms import Effect, Part, Quantity, Terms, gather
+from models.mechanics.terms import OF_MOTION, Effect, Part, Quantity, Terms, gather
 from ocp import checks
 
 
@@ -145,7 +145,7 @@ class Mechanics:
                 **{name: quantity.expression for name, quantity in terms.signals.items()},
                 **{name: state.symbol for name, state in terms.states.items()},
             }  # fmt: skip
-            for read in terms.reads:
+            for read in (read for read in terms.reads if read.name not in OF_MOTION):
                 if read.name not in known:
                     raise ValueError(
                         f"{read.reader} reads the signal {read.name!r}, which no effect of the list defines; "

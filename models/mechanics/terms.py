@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from models.machines.recursion import Load
 
 Single = TypeVar("Single")
+OF_MOTION = ("acceleration", "jerk")  # first and second rate of v, known only when the equations are
 Rate = Callable[[ca.SX], ca.SX]  # time derivative along a motion
 
 
@@ -51,7 +52,7 @@ class Read:
     """A signal that an effect reads; the effect that defines it may come earlier or later in the list.
 
     Signals are those of other effects, and q, v, tau (on the joints), tool, tool_v, motor_q, motor_v, motor_tau (in
-    units of the joints) and time, which every machine has.
+    units of the joints) and time, which every machine has; signals may read acceleration and jerk, too.
     """
 
     name: str

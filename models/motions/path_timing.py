@@ -60,9 +60,13 @@ def path_system(machine: Manipulator, effects: Sequence[Effect], path: Motion) -
     tool = ca.substitute(machine.tool, machine.q, q)
     mechanics = assemble(machine, effects)
     limited, left = {}, []
-    known = {symbol.element_hash() for symbol in ca.vertsplit(ca.vertcat(machine.q, machine.v, machine.tau))}
+    known = {
+        symbol.element_hash() for symbol in ca.vertsplit(ca.vertcat(machine.q, machine.v, machine.tau, s, ds, dds))
+    }
     for name in mechanics.terms.limits:
         signal = mechanics.resolved(mechanics.terms.signals[name].expression)
+        reads = [read.symbol for read in mechanics.terms.reads if read.name == "acceleration"]
+        signal = ca.substitute([signal], reads, [a] * len(reads))[0]
         if all(symbol.element_hash() in known for symbol in ca.symvar(signal)):
             limited[name] = ca.substitute([signal], [machine.q, machine.v, machine.tau], [q, v, tau])[0]
         else:

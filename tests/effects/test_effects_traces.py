@@ -18,6 +18,7 @@ from models.effects import (
     Gravity,
     JointStop,
     LaggedDrive,
+    MotionLimits,
     MotorDrive,
     Payload,
     RotorInertia,
@@ -121,7 +122,7 @@ def test_effects_that_are_on_are_there(case):
     effects, never = CASES[case](4), canonical(arm)
     system = canonical(arm, effects)
     more = set(system.signals) - set(never.signals)
-    limits = case in ("torque_speed", "power_limit", "winding_heat")
+    limits = case in ("torque_speed", "power_limit", "winding_heat", "torque_rate", "motion_limits", "jerk_limit")
     assert bool(system.limits) == limits
     assert instructions(system) > instructions(never) or limits
     assert set(system.limits) <= more
@@ -161,6 +162,7 @@ def test_every_number_may_stay_a_symbol():
                 changed[field.name] = wrapped
             symbolic = dataclasses.replace(effect, **changed)
             needs = [MotorDrive(0.1, 1.1, 2e-3)] if isinstance(effect, WindingHeat) else []
+            needs += [LaggedDrive(0.02)] if isinstance(effect, MotionLimits) else []
             system = lagrange(arm, [symbolic, *needs])
             plain = lagrange(arm, [effect, *needs])
             assert all(name.startswith(name_of(effect) + ".") for name in system.nominal)

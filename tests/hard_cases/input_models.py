@@ -98,6 +98,9 @@ def acting() -> tuple[Call, ...]:
             "lower": A(-1.0, some | REAL), "upper": A(1.0, some | REAL), "stiffness": A(1e5, many - each | {"nones"}),
             "damping": A(0.5, many | zero | {"nones"}), "width": A(1e-3, many - each | {"nones"})},
         "LaggedDrive": {"time_constant": A(0.01, some - each)},
+        "MotionLimits": {
+            "acceleration": A(20.0, some - each), "jerk": A(None, some - each),
+            "tool_speed": A(1.0, POSITIVE | OPTIONAL)},
         "MotorDrive": {
             "constant": A(0.1, some - each), "resistance": A(1.0, some - each),
             "inductance": A(0.0, many | zero | {"nones"}), "ratio": A(100.0, many | REAL | {"nones"})},
@@ -114,6 +117,7 @@ def acting() -> tuple[Call, ...]:
             "moment": A((0.0, 0.0, 0.0), frozenset({"falling", "function"})),
             "of": A(("time",), frozenset({"words", "text"})),
             "in_tool_axes": A(False, TRUTH)},
+        "TorqueRate": {"rate": A(2e3, some - each)},
         "TorqueSpeed": {
             "stall": A(100.0, some - each), "no_load": A(4.0, some - each), "peak": A(None, some - each)},
         "Viscous": {"c": A(1.0, many | zero | {"nones"})},

@@ -49,7 +49,7 @@ def test_every_known_effect_is_judged():
     names = set(rows)
     assert all(isinstance(row, Estimate) for row in rows.values())
     assert [rows[name].on for name in ("gravity", "viscous", "payload", "coulomb")] == [True, True, False, False]
-    built = {"joint_stop", "counterbalance"}  # no usual size
+    built = {"joint_stop", "counterbalance", "motion_limits"}  # no usual size
     assert names | built == {name_of(getattr(models.effects, name)) for name in models.effects.__all__}
     order = [row.on for row in rows.values()]
     assert order == sorted(order, reverse=True)
