@@ -17,7 +17,8 @@ from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, inside, outside
 from ocp.problem.rest_to_rest import point_to_point
 from ocp.problem.sequence import Sequence
 from ocp.sensitivities.motion_derivatives import Held
-from ocp.sensitivities.post_optimal import Sensitivity, sensitivity
+from ocp.sensitivities.post_optimal import sensitivity
+from ocp.sensitivities.sensitivity import Sensitivity
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings

@@ -13,10 +13,13 @@ from ocp.accuracy.hamiltonian_minimum import Minimum, minimise
 from ocp.accuracy.violation_costs import cost_of_violations
 from ocp.checks import Array
 from ocp.problem.problem import Free, Problem
+from ocp.problem.sequence import Sequence
 from ocp.solution.accuracy import Errors
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.cost_scale import scale_of_cost
 from ocp.solution.integration_drift import MORE, accumulated, propagated
+from ocp.solution.parallel_solution import with_sequence
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status
 from ocp.solution.state_scales import LEAST
 
@@ -25,7 +28,7 @@ SAFETY = 2.0  # factor: the estimate is of first order, asymptotically exact for
 ROUNDING = 1e-12  # share of the cost that is added for rounding
 
 
-def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
+def estimate(solution: Solution | SequenceSolution, problem: Problem | Sequence | None = None) -> Errors:
     """Estimate the errors of cost, duration and states of a solution; the optimum need not be known.
 
     The computed motion is an optimal motion of a perturbed problem. With the costate lambda = dJ/dx, each perturbation
@@ -44,7 +47,7 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     itself, the relative error of a free duration is taken as that of the cost times the order of the scheme.
 
     Args:
-        solution: of any status.
+        solution: of any status; of a Sequence, the errors are those of the whole motion.
         problem: needed only for a solution loaded without it.
 
     Raises:
@@ -53,6 +56,11 @@ def estimate(solution: Solution, problem: Problem | None = None) -> Errors:
     Source: Becker, Rannacher, An optimal control approach to a posteriori error estimation in finite element methods,
         Acta Numerica 10 (2001); Cao, Petzold, SIAM J. Sci. Comput. 26 (2004), for initial value problems.
     """
+    if isinstance(solution, SequenceSolution):
+        one, parallel = with_sequence("estimate", solution, problem)
+        errors = estimate(one)
+        share = 1.0 if parallel.timed else one.scheme.order
+        return replace(errors, duration=share * solution.duration * errors.cost / errors.cost_scale)
     solution, problem = with_problem("estimate", solution, problem)
     count, nx = len(solution.grid), solution.states.shape[2]
     labels = problem.system.label("x", nx)

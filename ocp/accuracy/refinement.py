@@ -14,10 +14,12 @@ import numpy as np
 from ocp import checks
 from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.grid_refinement import refine
+from ocp.accuracy.sequence_refinement import refined
 from ocp.accuracy.tolerances import Cost, Tolerance
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence, parameter_values
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.solution import Solution, Status
 from ocp.solving.between_nodes import exceeded_between_nodes, with_nodes
@@ -86,7 +88,7 @@ class _Task:
 
 
 def solve_to_accuracy(
-    problem: Problem,
+    problem: Problem | Sequence,
     tol: float | Tolerance = 1e-6,
     scheme: Scheme | None = None,
     grid: Grid | None = None,
@@ -97,7 +99,7 @@ def solve_to_accuracy(
     seconds: float = float("inf"),
     elements: int = 2000,
     finish: Callable[[Solution], Solution] | None = None,
-) -> Iterator[Solution]:
+) -> Iterator[Any]:
     """Solve on finer and finer grids until the estimated error is within a tolerance, or a budget is spent.
 
     Every step is yielded as soon as it is solved, and the one with the smallest error last, with its error, the seconds
@@ -111,7 +113,7 @@ def solve_to_accuracy(
     For the best accuracy within T seconds: tol=1e-15, seconds=T, and the last step.
 
     Args:
-        problem: a Problem.
+        problem: a Problem, or a Sequence, whose phases are refined on one common grid.
         tol: Cost, Share, Seconds or Signal; a number means Cost, which for minimum time are seconds.
         scheme: default radau(3); controls constant on each element where the Hamiltonian is linear in them and all
             of them are limited, else collocated.
@@ -129,12 +131,12 @@ def solve_to_accuracy(
     """
     wanted: Tolerance = Cost(tol) if isinstance(tol, int | float | np.number) else tol
     called = "solve_to_accuracy"
-    checks.instance(f"{called}: problem", problem, Problem, "a Problem")
+    checks.instance(f"{called}: problem", problem, Problem | Sequence, "a Problem or a Sequence")
     if not all(callable(getattr(wanted, name, None)) for name in ("error", "parts")) or isinstance(wanted, type):
         raise TypeError(f"{called}: tol is {checks.shown(tol)}, expected a number, Cost, Share, Seconds or Signal")
     for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, Ipopt)):
         checks.instance(f"{called}: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
-    problem.system.values(values)
+    parameter_values(problem, values)
     if guess is not None and not is_ladder(guess):
         as_guesses(problem, guess)
     budget = f"{called}: budget, seconds"
@@ -143,6 +145,12 @@ def solve_to_accuracy(
     if finish is not None and not callable(finish):
         raise TypeError(f"{called}: finish is {checks.shown(finish)}, expected a function of a Solution, or None")
     own = Ipopt() if solver is None else solver
+    if isinstance(problem, Sequence):
+        chosen = scheme or max((_scheme(phase) for phase in problem.problems), key=lambda one: one.control.value)
+        first = solve(problem, chosen, uniform(20) if grid is None else grid, own, guess, values)
+        return refined(first, wanted, lambda posed, tolerance, one, known: solve_to_accuracy(
+            posed, tolerance, chosen, one.grid, own, one, known, seconds=seconds, elements=elements, finish=finish
+        ))  # fmt: skip
     task = _Task(problem, wanted, own, values, _Budget(seconds, elements, time.perf_counter()), finish)
     return _steps(task, _scheme(problem) if scheme is None else scheme, uniform(20) if grid is None else grid, guess)
 

@@ -6,7 +6,6 @@ and no derivative of the NLP. The re-integration has an integrator and steps of 
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as ca
@@ -72,8 +71,8 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
 def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
     """Return the difference of both sides of every link, relative to the largest value in the phase before it."""
     results = []
-    for k, (before, after) in enumerate(pairwise(solution.phases)):
-        left, right = solution.problem.sides[k]
+    for k, (i, j, left, right) in enumerate(solution.problem.junctions):
+        before, after = solution.phases[i], solution.phases[j]
         path = before.signal(left, before.t)
         apart = np.abs(path[-1] - after.signal(right, 0.0))
         largest = np.max(np.abs(path), axis=0)

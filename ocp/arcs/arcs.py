@@ -1,51 +1,12 @@
-"""Lists of arcs: their table, the number of elements they need, and arcs that only continue each other."""
+"""Lists of arcs: keys that compare them, their durations, and the number of elements they need."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from ocp.problem.problem import Problem
-from ocp.problem.state_constraints import StateLimit
-from ocp.solution.structure import Arc, Kind, Row, Structure
+from ocp.solution.structure import Arc
 
 PER_MOTION = 16  # elements of the whole motion, at least one for each arc
-
-
-def tabulate(problem: Problem, limits: tuple[StateLimit, ...], arcs: tuple[Arc, ...]) -> Structure:
-    """Return the switching structure with its table, from the list of arcs.
-
-    Args:
-        problem: names the controls.
-        limits: state limits of the problem.
-        arcs: in order of time.
-    """
-    ends = [0.0]
-    for arc in arcs:
-        ends.append(ends[-1] + arc.duration)
-    rows: list[Row] = []
-    system = problem.system
-    for i, label in enumerate(system.label("u", system.u.numel())):
-        own: list[Row] = []
-        for k, arc in enumerate(arcs):
-            if own and own[-1].kind is arc.kinds[i]:
-                own[-1] = own[-1]._replace(end=ends[k + 1])
-            else:
-                own.append(Row(label.name, arc.kinds[i], ends[k], ends[k + 1]))
-        rows += own
-    for number, limit in enumerate(limits):
-        own = []
-        for k, arc in enumerate(arcs):
-            if any(contact.limit == number for contact in arc.touched):
-                own.append(Row(limit.label.name, Kind.TOUCH, ends[k], ends[k]))
-            if any(contact.limit == number for contact in arc.held):
-                if own and own[-1].kind is Kind.LIMIT and own[-1].end == ends[k]:
-                    own[-1] = own[-1]._replace(end=ends[k + 1])
-                else:
-                    own.append(Row(limit.label.name, Kind.LIMIT, ends[k], ends[k + 1]))
-        rows += own
-    return Structure(tuple(rows), arcs)
 
 
 def key_of(arcs: tuple[Arc, ...]) -> tuple[object, ...]:
@@ -67,14 +28,3 @@ def elements_of(arcs: tuple[Arc, ...], level: int = 0) -> tuple[int, ...]:
     """
     shares = durations(arcs) / durations(arcs).sum()
     return tuple((np.maximum(np.ceil(PER_MOTION * shares), 1.0).astype(int) * 2**level).tolist())
-
-
-def merged(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
-    """Return the arcs with neighbours joined that differ in duration only."""
-    kept: list[Arc] = []
-    for arc in arcs:
-        if kept and kept[-1].same(arc):
-            kept[-1] = replace(kept[-1], duration=kept[-1].duration + arc.duration)
-        else:
-            kept.append(arc)
-    return tuple(kept)

@@ -11,7 +11,7 @@ import numpy as np
 from ocp import checks
 from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem, arc_problem
-from ocp.arcs.arcs import durations, elements_of, key_of, tabulate
+from ocp.arcs.arcs import durations, elements_of, key_of
 from ocp.arcs.optimality_check import EXCESS, certify, complaint
 from ocp.arcs.revision import revise, swapped, without_vanished
 from ocp.arcs.settling import RESIDUAL
@@ -19,6 +19,7 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Fixed, Problem, same_structure
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure import Arc
+from ocp.solution.structure_table import tabulate
 from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
 

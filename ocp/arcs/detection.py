@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ocp.arcs.arcs import merged
 from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, level, with_brakes
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
@@ -13,6 +12,7 @@ from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.solution import Solution
 from ocp.solution.structure import Arc, Contact, Kind
+from ocp.solution.structure_table import merged
 from ocp.transcription.schemes.scheme import Control
 
 EDGE = 0.02  # distance of a control from a bound, share of its range, that counts as being at the bound

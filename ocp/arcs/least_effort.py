@@ -12,7 +12,10 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Bolza, Problem
+from ocp.problem.sequence import Sequence
 from ocp.solution.attached_problem import with_problem
+from ocp.solution.parallel_solution import in_phases
+from ocp.solution.sequence_solution import Motion, SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.solver import solve
@@ -21,8 +24,8 @@ WEIGHT = 1e-4  # of the effort of all controls at their limits, share of the cos
 
 
 def gentlest(
-    solution: Solution, problem: Problem | None = None, weight: float = WEIGHT, solver: Ipopt | None = None
-) -> Solution:
+    solution: Motion, problem: Problem | Sequence | None = None, weight: float = WEIGHT, solver: Ipopt | None = None
+) -> Motion:
     """Solve again with a small cost on effort, so that drives with slack move smoothly instead of arbitrarily.
 
     J + weight J* / T* integral of sum_i (u_i / limit_i)^2 dt, J* and T* those of the given solution,
@@ -32,7 +35,7 @@ def gentlest(
     weight times the share of the effort that is saved.
 
     Args:
-        solution: solved, of a Problem.
+        solution: solved, of a Problem or a Sequence.
         problem: needed only for a solution loaded without it.
         weight: of the effort, share of the cost.
         solver: settings of IPOPT.
@@ -45,6 +48,8 @@ def gentlest(
         TypeError: no Solution.
         ValueError: a solution loaded without its problem, or a weight that is not > 0.
     """
+    if isinstance(solution, SequenceSolution):
+        return in_phases("gentlest", solution, problem, lambda one: gentlest(one, None, weight, solver))
     solution, problem = with_problem("gentlest", solution, problem)
     checks.number("gentlest: weight", weight, "a number > 0", above=0.0)
     checks.instance("gentlest: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")

@@ -12,7 +12,6 @@ import numpy as np
 
 from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
-from ocp.arcs.arcs import tabulate
 from ocp.arcs.detection import read
 from ocp.arcs.least_effort import with_effort, without_effort
 from ocp.arcs.limit_arcs import contacts
@@ -21,10 +20,14 @@ from ocp.arcs.moving_grid import move_grid
 from ocp.arcs.settling import RESIDUAL, Attempt, Budget, settle
 from ocp.arcs.switching import switching_functions
 from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.attached_problem import with_problem
+from ocp.solution.parallel_solution import in_phases
+from ocp.solution.sequence_solution import Motion, SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure import Arc
+from ocp.solution.structure_table import tabulate
 from ocp.solution.violations import between_points
 from ocp.solving.ipopt import Ipopt
 from ocp.transcription.grid import Grid
@@ -38,9 +41,9 @@ EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, s
 
 
 def polish(
-    solution: Solution, problem: Problem | None = None, scheme: Scheme | None = None, solver: Ipopt | None = None,
-    *, seconds: float = SECONDS,
-) -> Solution:  # fmt: skip
+    solution: Motion, problem: Problem | Sequence | None = None, scheme: Scheme | None = None,
+    solver: Ipopt | None = None, *, seconds: float = SECONDS,
+) -> Motion:  # fmt: skip
     """Solve again with the durations of the arcs as unknowns, controls at their limits pinned.
 
     The arcs (each control at its lower or upper limit, interior, or holding a state limit) are read from controls,
@@ -57,7 +60,7 @@ def polish(
     iterate keeps them from chattering and is iterated away (proximal point); the message gives its final value.
 
     Args:
-        solution: solved, of a Problem.
+        solution: solved, of a Problem or a Sequence, whose phases are polished together.
         problem: needed only for a solution loaded without it.
         scheme: with collocated control, default legendre(6, control=Control.COLLOCATED).
         solver: settings of IPOPT.
@@ -78,6 +81,8 @@ def polish(
         SIAM J. Control Optim. 14, 1976.
     """
     begun = time.perf_counter()
+    if isinstance(solution, SequenceSolution):
+        return in_phases("polish", solution, problem, lambda one: polish(one, None, scheme, solver, seconds=seconds))
     solution, problem = with_problem("polish", solution, problem)
     checks.instance("polish: solver", solver, Ipopt | None, "settings of the solver, Ipopt(...), or None")
     scheme = legendre(6, Control.COLLOCATED) if scheme is None else scheme
@@ -142,7 +147,8 @@ def _readings(task: ArcProblem, solution: Solution, budget: Budget) -> Iterator[
     problem, limits = task.problem, task.limits
     arcs = read(problem, solution, limits)
     # Where only time counts, controls between their bounds are slack as a rule, and arbitrary in the given motion.
-    timed = problem.minimise.running.is_zero() and problem.minimise.final.is_zero()
+    cost, states = problem.minimise, problem.system.x
+    timed = cost.running.is_zero() and not any(ca.depends_on(part, states) for part in (cost.final, cost.initial))
     if not (timed and task.loose(arcs)):
         yield solution, arcs
     eased = with_effort(problem, solution, EFFORT)

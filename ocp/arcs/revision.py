@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion
-from ocp.arcs.arcs import merged
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.problem.state_constraints import StateLimit
 from ocp.solution.structure import Arc, Contact, Kind
+from ocp.solution.structure_table import merged
 
 VANISHED = 1e-7  # duration of an arc, share of the motion, below which it is dropped
 ISLAND = 1e-4  # the same for an arc on which alone a control lies between its bounds

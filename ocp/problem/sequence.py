@@ -23,6 +23,10 @@ class Sequence:
         problems: in order of time, each with a free or fixed duration of its own.
         links: what is continuous at every junction: names of signals that the systems on both sides have, or pairs
             (expression of the earlier system, expression of the later one), the same at every junction.
+        closing: the same for the end of the last problem and the start of the first, for motions that repeat, such as
+            laps; none by default. Where an angle goes on turning, link (angle, angle + 2 pi).
+
+    A parameter that several problems have as an unknown, `along(p, ...)`, is one number for all of them.
 
     Raises:
         TypeError: a part of the wrong kind.
@@ -32,45 +36,62 @@ class Sequence:
 
     problems: tuple[Problem, ...]
     links: tuple[Link, ...] = ("q", "v")
+    closing: tuple[Link, ...] = ()
     sides: tuple[tuple[ca.SX, ca.SX], ...] = field(init=False)  # of each junction: before, after
+    closed: tuple[tuple[ca.SX, ca.SX], ...] = field(init=False)  # of the end and the start, if they are linked
 
-    def __init__(self, problems: Several[Problem], links: Several[Link] = ("q", "v")) -> None:
+    def __init__(
+        self, problems: Several[Problem], links: Several[Link] = ("q", "v"), closing: Several[Link] = ()
+    ) -> None:
         checks.instance("Sequence: problems", problems, tuple | list, "Problems in order of time")
         checks.instance("Sequence: links", links, tuple | list | str, "names of signals, or pairs of expressions")
         object.__setattr__(self, "problems", tuple(problems))
+        checks.instance("Sequence: closing", closing, tuple | list | str, "names of signals, or pairs of expressions")
         object.__setattr__(self, "links", (links,) if isinstance(links, str) else tuple(links))
-        for link in self.links:
-            _check_link(link)
+        object.__setattr__(self, "closing", (closing,) if isinstance(closing, str) else tuple(closing))
+        for name in ("links", "closing"):
+            for link in getattr(self, name):
+                _check_link(name, link)
         for problem in self.problems:
             if not isinstance(problem, Problem):
                 raise TypeError(f"Sequence: problems has {checks.shown(problem)}, expected Problems")
         if len(self.problems) < 2:
             raise ValueError(f"Sequence: got {len(self.problems)} problem, expected at least two")
-        junctions = tuple(self._junction(one, other) for one, other in pairwise(self.problems))
+        junctions = tuple(_junction(self.links, one, other) for one, other in pairwise(self.problems))
         object.__setattr__(self, "sides", junctions)
+        last, first = self.problems[-1], self.problems[0]
+        object.__setattr__(self, "closed", (_junction(self.closing, last, first),) if self.closing else ())
+
+    @property
+    def junctions(self) -> tuple[tuple[int, int, ca.SX, ca.SX], ...]:
+        """Every junction: number of the problem before it and after it, linked expressions before and after."""
+        inner = tuple((k, k + 1, before, after) for k, (before, after) in enumerate(self.sides))
+        return inner + tuple((len(self.problems) - 1, 0, before, after) for before, after in self.closed)
 
     def __reduce__(self) -> tuple[object, ...]:
-        if not all(isinstance(link, str) for link in self.links):
+        if not all(isinstance(link, str) for link in (*self.links, *self.closing)):
             raise TypeError("Sequence: one with links of expressions cannot go to another process; link named signals")
-        return Sequence, (self.problems, self.links)
-
-    def _junction(self, one: Problem, other: Problem) -> tuple[ca.SX, ca.SX]:
-        pairs = [(one.system[link], other.system[link]) if isinstance(link, str) else link for link in self.links]
-        for link, (before, after) in zip(self.links, pairs, strict=True):
-            if before.numel() != after.numel():
-                raise ValueError(f"Sequence: link {link} has {before.numel()} components before, {after.numel()} after")
-            for problem, side in ((one, before), (other, after)):
-                problem.system.check_symbols("Sequence: link", side)
-                if ca.depends_on(side, problem.system.u):
-                    raise ValueError("Sequence: a link depends on the control, which may jump; link states only")
-        return ca.vertcat(*(ca.vec(before) for before, _ in pairs)), ca.vertcat(*(ca.vec(after) for _, after in pairs))
+        return Sequence, (self.problems, self.links, *((self.closing,) if self.closing else ()))
 
 
-def _check_link(link: object) -> None:
+def _junction(links: tuple[Link, ...], one: Problem, other: Problem) -> tuple[ca.SX, ca.SX]:
+    """Return the linked expressions of the problem before a junction and of the one after it."""
+    pairs = [(one.system[link], other.system[link]) if isinstance(link, str) else link for link in links]
+    for link, (before, after) in zip(links, pairs, strict=True):
+        if before.numel() != after.numel():
+            raise ValueError(f"Sequence: link {link} has {before.numel()} components before, {after.numel()} after")
+        for problem, side in ((one, before), (other, after)):
+            problem.system.check_symbols("Sequence: link", side)
+            if ca.depends_on(side, problem.system.u):
+                raise ValueError("Sequence: a link depends on the control, which may jump; link states only")
+    return ca.vertcat(*(ca.vec(before) for before, _ in pairs)), ca.vertcat(*(ca.vec(after) for _, after in pairs))
+
+
+def _check_link(name: str, link: object) -> None:
     pair = isinstance(link, tuple | list) and len(link) == 2 and all(isinstance(side, ca.SX) for side in link)
     if not (isinstance(link, str) or pair):
         wanted = "the name of a signal, or a pair of expressions (before, after)"
-        raise TypeError(f"Sequence: links has {checks.shown(link)}, expected {wanted}")
+        raise TypeError(f"Sequence: {name} has {checks.shown(link)}, expected {wanted}")
 
 
 def phases_of(problem: Problem | Sequence) -> tuple[Problem, ...]:

@@ -9,7 +9,7 @@ from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
 
 
-def with_problem(function: str, solution: object, problem: Problem | None) -> tuple[Solution, Problem]:
+def with_problem(function: str, solution: object, problem: object) -> tuple[Solution, Problem]:
     """Return a solution that carries its problem, and the problem.
 
     Args:
@@ -24,7 +24,7 @@ def with_problem(function: str, solution: object, problem: Problem | None) -> tu
     if not isinstance(solution, Solution):
         raise TypeError(f"{function}: solution is {checks.shown(solution)}, expected a Solution of a Problem")
     checks.instance(f"{function}: problem", problem, Problem | None, "a Problem, or None for that of the solution")
-    result = solution.problem if problem is None else problem
+    result = problem if isinstance(problem, Problem) else solution.problem
     if result is None:
         raise ValueError(f"{function}: this solution was loaded without its problem; pass problem=...")
     has, wanted = (

@@ -8,13 +8,17 @@ from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ocp import checks
 from ocp.problem.problem import Problem
+from ocp.problem.sequence import Sequence, parameter_values
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status
-from ocp.solving.first_guesses import scattered, smooth
+from ocp.solving.first_guesses import phase_guesses, scattered, smooth
+from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prepared_nlp import Prepared, prepare
@@ -31,13 +35,13 @@ class Optimum:
     """A local optimum and how it was found.
 
     Args:
-        solution: the motion.
+        solution: the motion, a Solution; of a Sequence, a SequenceSolution.
         hits: number of starts that led to it.
         starts: numbers of those starts; 0 is the smooth motion, the others are scattered around it.
         seconds: solver time of all its starts together [s].
     """
 
-    solution: Solution
+    solution: Any
     hits: int
     starts: tuple[int, ...]
     seconds: float
@@ -60,7 +64,7 @@ class _Task:
     """Everything that a worker process needs for one start; prepared once in each process."""
 
     token: str
-    problem: Problem
+    problem: Problem | Sequence
     scheme: Scheme | None
     grid: Grid | None
     solver: NlpSettings
@@ -69,7 +73,7 @@ class _Task:
 
 
 def multistart(
-    problem: Problem,
+    problem: Problem | Sequence,
     starts: int = 20,
     seed: int = 0,
     executor: Executor | None = None,
@@ -85,7 +89,7 @@ def multistart(
     message of the best one says how many optima there are and how many starts failed.
 
     Args:
-        problem: a Problem.
+        problem: a Problem or a Sequence, whose phases are scattered together.
         starts: number of starts, >= 1; the first is the smooth motion between the ends.
         seed: of the scattered starts.
         executor: any concurrent.futures.Executor; None solves here. Problems travel to processes as functions.
@@ -100,16 +104,16 @@ def multistart(
 
     Raises:
         ValueError: starts is not a whole number >= 1, or a wrong parameter name.
-        TypeError: problem is no Problem.
+        TypeError: problem is no Problem and no Sequence.
     """
     checks.whole("multistart: starts", starts, 1)
     checks.whole("multistart: seed", seed, 0)
-    checks.instance("multistart: problem", problem, Problem, "a Problem")
+    checks.instance("multistart: problem", problem, Problem | Sequence, "a Problem or a Sequence")
     for name, value, kind in (("scheme", scheme, Scheme), ("grid", grid, Grid), ("solver", solver, NlpSettings)):
         checks.instance(f"multistart: {name}", value, kind | None, f"an object of {kind.__name__}, or None")
     if executor is not None and not callable(getattr(executor, "map", None)):
         raise TypeError(f"multistart: executor is {checks.shown(executor)}, expected a concurrent.futures.Executor")
-    problem.system.values(values)
+    parameter_values(problem, values)
     task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
@@ -118,7 +122,7 @@ def multistart(
         rest = range(1, starts)
         others = map if executor is None else executor.map
         results += list(others(functools.partial(_solve_start, task), rest))
-    solved = [(k, replace(s, problem=problem)) for k, s in enumerate(results) if s.ok]
+    solved = [(k, _attached(s, problem)) for k, s in enumerate(results) if s.ok]
     optima = _distinct(solved)
     if not optima and not _refused(results[0]):
         last = prepare(problem, scheme, grid, task.solver, values=values)(None, values)
@@ -134,30 +138,40 @@ def multistart(
     return Optima((best, *optima[1:]), message)
 
 
-def _refused(solution: Solution) -> bool:
+def _refused(solution: AnySolution) -> bool:
     """Return whether a problem contradicts itself, so that no start can be solved."""
     return solution.status is Status.INFEASIBLE and solution.solver_status == "not started"
 
 
-def _why_none(results: list[Solution]) -> str:
+def _why_none(results: list[AnySolution]) -> str:
     """Return how often the starts failed in which way, with the message of the last one."""
     counts = Counter(solution.status.name.lower() for solution in results)
     each = ", ".join(f"{count} {name}" for name, count in counts.most_common())
     return f"none of {len(results)} starts was solved ({each}): {results[-1].message}"
 
 
-def _solve_start(task: _Task, start: int) -> Solution:
+def _solve_start(task: _Task, start: int) -> AnySolution:
     prepared = _prepared(task)
     values = dict(task.values)
-    numbers = prepared.numbers(values)
-    if start == 0:
-        guess = smooth(prepared.joined.nlps[0].problem, numbers[0])
-    else:
-        random = np.random.default_rng([task.seed, start])
-        guess = scattered(prepared.joined.nlps[0].problem, numbers[0], random)
-    result: Solution = prepared(guess, values)
+    random = np.random.default_rng([task.seed, start])
+    make = smooth if start == 0 else lambda phase, numbers: scattered(phase, numbers, random)
+    result = prepared(phase_guesses(prepared.problem, prepared.numbers(values), make), values)
     # CasADi graphs cannot be sent back; the caller has the problem.
-    return replace(result, problem=None, rung=f"start {start}")
+    if isinstance(result, SequenceSolution):
+        phases = tuple(_detached(phase, start) for phase in result.phases)
+        return replace(result, problem=None, phases=phases)  # type: ignore[arg-type]
+    return _detached(result, start)
+
+
+def _detached(solution: Solution, start: int) -> Solution:
+    return replace(solution, problem=None, rung=f"start {start}")
+
+
+def _attached(solution: AnySolution, problem: Problem | Sequence) -> AnySolution:
+    if not isinstance(problem, Sequence):
+        return replace(solution, problem=problem)
+    phases = zip(solution.phases, problem.problems, strict=True)
+    return replace(solution, problem=problem, phases=tuple(replace(one, problem=own) for one, own in phases))
 
 
 _IN_THIS_PROCESS: dict[str, Prepared] = {}
@@ -171,8 +185,8 @@ def _prepared(task: _Task) -> Prepared:
     return _IN_THIS_PROCESS[task.token]
 
 
-def _distinct(solved: list[tuple[int, Solution]]) -> tuple[Optimum, ...]:
-    groups: list[list[tuple[int, Solution]]] = []
+def _distinct(solved: list[tuple[int, AnySolution]]) -> tuple[Optimum, ...]:
+    groups: list[list[tuple[int, AnySolution]]] = []
     for k, solution in sorted(solved, key=lambda pair: pair[1].cost):
         for group in groups:
             if _same(group[0][1], solution):
@@ -191,9 +205,15 @@ def _distinct(solved: list[tuple[int, Solution]]) -> tuple[Optimum, ...]:
     )
 
 
-def _same(one: Solution, other: Solution) -> bool:
+def _same(one: AnySolution, other: AnySolution) -> bool:
     if abs(one.cost - other.cost) > SAME_COST * max(abs(one.cost), abs(other.cost)):
         return False
+    if isinstance(one, SequenceSolution):
+        return all(_same_motion(*pair) for pair in zip(one.phases, other.phases, strict=True))
+    return _same_motion(one, other)
+
+
+def _same_motion(one: Solution, other: Solution) -> bool:
     share = np.linspace(0.0, 1.0, COMPARED)
     a, b = one.x(share * one.duration), other.x(share * other.duration)
     most = np.max(np.abs(a), axis=0)

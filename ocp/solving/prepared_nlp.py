@@ -270,8 +270,8 @@ def prepare(
         transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
     ]
     sequence = problem if isinstance(problem, Sequence) else None
-    links = zip(sequence.sides if sequence else (), parts, scalings, strict=False)
-    joined = join(tuple(nlps), sequence, [expression_scales(side, *part, own) for (side, _), part, own in links])
+    links = [(before, *parts[i], scalings[i]) for i, _, before, _ in (sequence.junctions if sequence else ())]
+    joined = join(tuple(nlps), sequence, [expression_scales(*link) for link in links])
     cold = physical_solver(joined.expressions, joined.derivatives, joined.scales, solver)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, joined, solver, time.perf_counter() - begun, known, cold)

@@ -49,7 +49,7 @@ def transcribe(
     free = free_parameters(problem)
     fixed = int(isinstance(problem.horizon, Fixed))
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else arc_layout.arcs, len(free))
-    path_parts, ends_parts = _parts(problem, scheme)
+    path_parts, ends_parts = row_parts(problem, scheme)
     tau = tuple(path_points(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
     held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
@@ -275,7 +275,9 @@ def free_parameters(problem: Problem) -> Array:
     return np.array(sorted(result), dtype=int)
 
 
-def _parts(problem: Problem, scheme: Scheme) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
+def row_parts(
+    problem: Problem, scheme: Scheme
+) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
     """Return the components of constraints that need rows: those that are not bounds of single unknowns."""
     system = problem.system
     equalities = {(one.constraint, one.component) for one in path_equalities(problem)}

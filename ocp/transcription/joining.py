@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Several
 from dataclasses import dataclass
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -30,12 +29,12 @@ class JoinedNlp:
 
 
 def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array]) -> JoinedNlp:
-    """Return the NLPs of a sequence as one NLP, with equations that make the links continuous.
+    """Return the NLPs of a sequence as one NLP, with equations for its links and shared parameters.
 
     Args:
         nlps: of the phases, with the same scale of the cost.
         sequence: that they belong to; None for a single phase, whose NLP stays as it is.
-        scales: of the linked expressions, for every junction.
+        scales: of the linked expressions, for every junction of the sequence.
     """
     if sequence is None:
         only = nlps[0]
@@ -44,16 +43,11 @@ def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array
     s = ca.MX.sym("s", sum(p.expressions["p"].numel() for p in nlps))
     zs = ca.vertsplit(z, np.cumsum([0, *(p.layout.size for p in nlps)]).tolist())
     ss = ca.vertsplit(s, np.cumsum([0, *(p.expressions["p"].numel() for p in nlps)]).tolist())
-    tied = ca.vertcat(
-        *(
-            (
-                _at_junction(after, sequence.sides[k][1], zs[k + 1], ss[k + 1], 0)
-                - _at_junction(before, sequence.sides[k][0], zs[k], ss[k], -1)
-            )
-            / ca.DM(scales[k])
-            for k, (before, after) in enumerate(pairwise(nlps))
-        )
-    )
+    linked = [
+        (_at_junction(nlps[j], after, zs[j], ss[j], 0) - _at_junction(nlps[i], before, zs[i], ss[i], -1)) / ca.DM(scale)
+        for (i, j, before, after), scale in zip(sequence.junctions, scales, strict=True)
+    ]
+    tied = ca.vertcat(*linked, *_shared(nlps, zs))
     first = [p.derivatives["jac_g"](z_, s_) for p, z_, s_ in zip(nlps, zs, ss, strict=True)]
     slopes = [p.derivatives["grad_f"](z_, s_) for p, z_, s_ in zip(nlps, zs, ss, strict=True)]
     f, g = sum((slope[0] for slope in slopes), ca.MX(0)), ca.vertcat(*(part[0] for part in first), tied)
@@ -73,6 +67,20 @@ def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array
         ),
     }
     return JoinedNlp(nlps, {"x": z, "p": s, "f": f, "g": g}, derivatives, tied.numel())
+
+
+def _shared(nlps: tuple[Nlp, ...], zs: list[ca.MX]) -> list[ca.MX]:
+    """Return the differences of unknown parameters that several phases have, divided by their scales."""
+    first: dict[str, tuple[ca.MX, float]] = {}
+    rows = []
+    for nlp, z in zip(nlps, zs, strict=True):
+        names = list(nlp.problem.system.nominal)
+        for k, number in enumerate(nlp.free):
+            own = z[int(nlp.layout.free[k])], float(nlp.scaling.free[k])
+            other, scale = first.setdefault(names[int(number)], own)
+            if other is not own[0]:
+                rows.append(own[0] * (own[1] / scale) - other)
+    return rows
 
 
 def _at_junction(nlp: Nlp, expression: ca.SX, z: ca.MX, s: ca.MX, end: int) -> ca.MX:

@@ -14,7 +14,6 @@ from matplotlib.colors import to_rgb
 from models import plots
 from models.plots import structures
 from ocp import Bolza, Free, Problem, System, along, end, polish, solve, start, uniform
-from ocp.arcs.arcs import merged, tabulate
 from ocp.arcs.detection import read
 from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.optimality_check import Certificate, Crossing, WrongSign
@@ -30,6 +29,7 @@ from ocp.arcs.revision import (
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.problem.state_constraints import state_limits
 from ocp.solution.structure import Arc, Contact, Kind, Row, Structure
+from ocp.solution.structure_table import merged, tabulate
 
 matplotlib.use("Agg")
 LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING

@@ -124,7 +124,8 @@ def cart(mass: float = 1.0) -> Problem:
 @cache
 def polished() -> Solution:
     """Return its polished solution."""
-    return polish(solve(cart(), grid=uniform(6), solver=Ipopt(progress=False)))
+    result: Solution = polish(solve(cart(), grid=uniform(6), solver=Ipopt(progress=False)))
+    return result
 
 
 def study() -> Study:
