@@ -19,6 +19,7 @@ from ocp.problem.sequence import Sequence
 from ocp.sensitivities.motion_derivatives import Held
 from ocp.sensitivities.post_optimal import sensitivity
 from ocp.sensitivities.sensitivity import Sensitivity
+from ocp.sensitivities.sequence_sensitivity import SequenceSensitivity
 from ocp.solution.accuracy import Accuracy, Errors
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
@@ -48,7 +49,8 @@ __all__ = [
     "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
     "Fixed", "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed",
     "Multipliers", "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product",
-    "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSolution", "Share", "Signal",
+    "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSensitivity",
+    "SequenceSolution", "Share", "Signal",
     "Smooth", "Sobol", "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study",
     "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end",
     "estimate", "extend", "gentlest", "given", "inside", "integral", "integrators", "legendre", "load", "lobatto",

@@ -113,11 +113,9 @@ def find_motion(
         show(f"note: {note}")
     with working("solving", shown, own_line=True):
         solution = solve(task.problem(scene.system), scheme=radau(3), grid=uniform(task.elements))
-    if options.polish and isinstance(solution, Solution):
+    if options.polish:
         with working("polishing", shown, own_line=True):
             solution = polish(solution)
-    elif options.polish:
-        show("polish: a motion through points is several phases, which are not polished; left as solved")
     with working("verifying", shown):
         report = verify(solution)
     times, table, unrecovered = tabulate(solution, scene)

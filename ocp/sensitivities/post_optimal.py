@@ -76,6 +76,8 @@ def sensitivity(
     """
     if isinstance(solution, SequenceSolution):
         one, parallel = with_sequence("sensitivity", solution, problem)
+        for name, other in (toward or {}).items():
+            checks.instance(f"sensitivity: toward, {name!r}", other, Phases, "a Sequence of as many phases")
         others = {name: in_parallel(other).problem for name, other in (toward or {}).items()}
         return SequenceSensitivity(solution, parallel, sensitivity(one, names, others))
     begun = time.perf_counter()

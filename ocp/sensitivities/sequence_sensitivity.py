@@ -79,6 +79,7 @@ class SequenceSensitivity:
             raise ValueError(f"signal: phase is {phase}, expected a number below {len(self.parallel.parts)}")
         part = self.parallel.parts[phase]
         known = {"x": part.system.x, "u": part.system.u}
+        checks.points("share", share, "shares of the duration of the phase, 0 to 1", 0.0, 1.0, least=1)
         return self.whole.signal(part.put(known[signal] if signal in known else part.system[signal]), share)
 
     def __str__(self) -> str:

@@ -122,10 +122,10 @@ def _multipliers(phases: tuple[Solution, ...], parallel: ParallelPhases) -> Mult
     every = [phase.multipliers for phase in phases if phase.multipliers is not None]
     if len(every) < len(phases):
         return None
-    joints = sum(2 * len(part.junction) for part in parallel.parts)
+    linked = sum(2 * len(part.junction) for part in parallel.parts)
     return Multipliers(
         _beside([one.x for one in every]), _beside([one.u for one in every]), np.hstack([one.path for one in every]),
-        np.concatenate([*(one.ends for one in every), np.zeros(joints)]),
+        np.concatenate([*(one.ends for one in every), np.zeros(linked)]),
     )  # fmt: skip
 
 

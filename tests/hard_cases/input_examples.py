@@ -27,6 +27,8 @@ from ocp import (
     Study,
     StudyTable,
     System,
+    along,
+    end,
     point_to_point,
     polish,
     prepare,
@@ -119,6 +121,16 @@ def cart(mass: float = 1.0) -> Problem:
     x, u, m = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("m")
     line = System(x, u, m, ca.vertcat(x[1], u / m), {"q": x[0], "v": x[1], "u": u}, {"m": mass})
     return point_to_point(line, [0.0], [1.0], u=1.0)
+
+
+@cache
+def there_and_back() -> SequenceSolution:
+    """Return the fastest motion of the same mass there and back."""
+    there = cart()
+    q, v, u = (there.system[name] for name in ("q", "v", "u"))
+    back = Problem(there.system, subject_to=(end(q, 0.0), end(v, 0.0), along(u, -1.0, 1.0)))
+    result: SequenceSolution = solve(Sequence((there, back)), grid=uniform(6), solver=Ipopt(progress=False))
+    return result
 
 
 @cache

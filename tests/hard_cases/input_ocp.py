@@ -86,7 +86,8 @@ def systems() -> tuple[Call, ...]:
         Call("ocp.time_derivative", ocp.time_derivative, {"system": A(arm),
             "expression": A(arm["q"], NOTHING, ("time_derivative",))}),
         Call("ocp.Sequence", ocp.Sequence, {
-            "problems": A((problem, problem), NOTHING, ("Sequence",)), "links": A(("q", "v"), LIST, ("signal",))}),
+            "problems": A((problem, problem), NOTHING, ("Sequence",)), "links": A(("q", "v"), LIST, ("signal",)),
+            "closing": A((), LIST | {"empty"}, ("signal",))}),
         Call("ocp.point_to_point", ocp.point_to_point, {
             "system": A(arm), "q0": A(example.Q0, REAL | {"falling"}),
             "q1": A(example.Q1, REAL | {"falling"}), "minimise": A(ocp.Bolza(1.0)),
@@ -236,6 +237,8 @@ def solves() -> tuple[Call, ...]:
         Call("Solution.samples", solution.samples, {
             "tau": A(np.array([0.0, 0.5]), frozenset({"zero", "half", "falling"}))}),
         Call("SequenceSolution.signal", phases.signal, {"signal": A("q"), "t": A([0.0, 0.1], later)}),
+        *(Call(f"SequenceSolution.{name}", getattr(phases, name), {"t": A([0.0, 0.1], later)})
+          for name in ("x", "u", "costate")),
         Call("ocp.save", ocp.save, {"solution": A(solution), "path": A(file, frozenset({"text"}))}),
         Call("ocp.load", ocp.load, {"path": A(file), "problem": A(None, OPTIONAL)}),
         Call("Structure.switches", ocp.Structure((_row(),), ()).switches, {"name": A("u", NOTHING, ("row",))}),

@@ -149,6 +149,8 @@ def optima() -> tuple[Call, ...]:
         Call("Sensitivity.u", known.u, at),
         Call("Sensitivity.signal", known.signal, {"signal": A("q"), **at}),
         Call("Sensitivity.switches", known.switches, {"control": A("u", NOTHING, ("row",))}),
+        Call("SequenceSensitivity.signal", ocp.sensitivity(example.there_and_back()).signal, {
+            "signal": A("q"), "share": A(0.5, shares), "phase": A(1, COUNT | {"zero"}, ("phase",))}),
         Call("Sensitivity.labels", known.labels, {"signal": A("q"), "name": A("m")}),
         Call("ocp.prepare_structure", ocp.prepare_structure, {
             "polished": A(polished), "solver": A(None, OPTIONAL)}),

@@ -20,7 +20,8 @@ CALLS = {call.name: call for _, part in PARTS for call in part()}
 MADE = {
     "ocp": {
         "Accuracy", "Constraint", "Errors", "Multipliers", "Optimum", "Outcome", "Prepared", "PreparedStructure",
-        "Report", "Scheme", "Sensitivity", "SequenceSolution", "Solution", "StoreError", "Structure", "StudyTable",
+        "Report", "Scheme", "Sensitivity", "SequenceSensitivity",
+        "SequenceSolution", "Solution", "StoreError", "Structure", "StudyTable",
         "Timings", "Trajectory",
     },
     "models": {"DriveLoad", "Estimate", "Manipulator", "Motion", "Sizing", "TorqueTable"},

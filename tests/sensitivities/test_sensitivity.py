@@ -277,11 +277,7 @@ def test_refusals_name_the_cure(tmp_path):
         (ValueError, "no parameter 'mass'; there are m", lambda: sensitivity(solution, "mass")),
         (ValueError, "solve it first", lambda: sensitivity(unsolved)),
         (ValueError, "problem=", lambda: sensitivity(loaded)),
-        (
-            TypeError,
-            "expected a Solution of a Problem",
-            lambda: sensitivity(solve(ocp.Sequence((fastest(), fastest())))),
-        ),
+        (TypeError, "expected a Solution of a Problem", lambda: sensitivity(fastest())),
         (ValueError, "limits, start and end values", lambda: sensitivity(solution, toward={"other": cheapest()})),
         (ValueError, "a parameter already", lambda: sensitivity(solution, toward={"m": fastest()})),
         (ValueError, "nothing to vary", lambda: sensitivity(solve(problems.double_integrator_2d().problem))),
