@@ -6,6 +6,7 @@ import contextlib
 import functools
 import multiprocessing
 import os
+import signal
 import sys
 import threading
 import time
@@ -119,6 +120,7 @@ def end_with_parent(owner: int) -> None:
         return
 
     above = os.getppid()
+    _end_with_pipe(parent.sentinel)
 
     def watch() -> None:
         # A process forked later may hold the sentinel open; then the id of the parent changes.
@@ -128,3 +130,22 @@ def end_with_parent(owner: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, name="end with parent", daemon=True).start()
+
+
+def _end_with_pipe(pipe: int) -> None:
+    """Let the kernel end this process when the other end of a pipe is closed, where the system can.
+
+    A thread of this process would have to wait until a solver returns, which holds the lock of the interpreter.
+
+    Args:
+        pipe: file descriptor of its end for reading.
+    """
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return
+    with contextlib.suppress(OSError):
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        if hasattr(fcntl, "F_SETSIG"):  # Linux; elsewhere SIGIO, which ends a process, too
+            fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
