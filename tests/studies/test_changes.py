@@ -161,6 +161,32 @@ def test_values_that_refer_to_each_other_many_times_come_to_an_end(monkeypatch):
     assert digest(deep) == digest(deep)
 
 
+EXCHANGED = """
+def g({{mass, force|force, mass}}):
+    return {{force / mass|mass / force}}
+def f(x, y):
+    return x - y + g(mass=x, force=y)
+"""
+
+
+def test_exchanged_names_of_arguments_are_refused(tmp_path):
+    """The byte code stays the same, and so does the digest; the store knows the names."""
+
+    def run(project):
+        study = Study(project.f, over={"x": [1.0], "y": [3.0]}, store=tmp_path / "s.db")
+        return study.run()["value"].tolist()
+
+    for name, which in (("before", 0), ("after", 1)):
+        written(tmp_path / name, EXCHANGED, which)
+    assert loaded(tmp_path / "before", run) == [1.0 - 3.0 + 3.0 / 1.0]
+    assert loaded(tmp_path / "before", run) == [1.0 - 3.0 + 3.0 / 1.0]
+    with pytest.raises(ValueError, match=r"renamed or exchanged .*g\(force, mass\).*settings="):
+        loaded(tmp_path / "after", run)
+    anew = lambda project: Study(project.f, over={"x": [1.0], "y": [3.0]}, settings={"arguments": 2},  # noqa: E731
+                                 store=tmp_path / "s.db").run()["value"].tolist()  # fmt: skip
+    assert loaded(tmp_path / "after", anew) == [1.0 - 3.0 + 1.0 / 3.0]
+
+
 def test_coverage_is_said_in_the_summary(tmp_path):
     written(tmp_path, CHANGES["module behind a function of an imported module"], 0)
     study_text = loaded(tmp_path, lambda project: str(Study(project.f, over={"x": [1.0]}).run()))
