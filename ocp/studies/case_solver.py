@@ -10,6 +10,7 @@ from typing import Any
 
 from ocp import checks
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
+from ocp.arcs.least_effort import gentlest
 from ocp.arcs.polishing import polish
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
@@ -42,7 +43,7 @@ class StudySettings:
             comes first in a process.
         measure: of a solution, returns name -> number.
         scheme, grid, solver: as for `ocp.solve`.
-        polished, neighbours, checked, slopes, compiled, verified: as for `ocp.Study`.
+        polished, neighbours, checked, slopes, compiled, verified, gentle: as for `ocp.Study`.
     """
 
     identity: str
@@ -58,6 +59,7 @@ class StudySettings:
     slopes: bool
     compiled: bool
     verified: bool = False
+    gentle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,10 +202,14 @@ class CaseSolver:
         return replace(fair, way=f"cold, better than {result.way}")
 
     def _polished(self, task: OpenCase, solution: Solution, way: str) -> Solved:
-        if not (self.settings.polished and solution.ok):
+        if not solution.ok:
             return Solved(solution, way)
-        fine = polish(solution)
-        return Solved(fine, way, task.id) if fine.structure is not None else Solved(fine, f"{way}, unpolished")
+        if self.settings.polished:
+            solution = polish(solution)
+            if solution.structure is not None:
+                return Solved(solution, way, task.id)
+            way = f"{way}, unpolished"
+        return Solved(gentlest(solution) if self.settings.gentle else solution, way)
 
     def _nlp(self, problem: Problem | Sequence, values: dict[str, float]) -> Prepared:
         """Return the cached NLP with the limits and ends of a problem, or a new NLP if its equations differ."""

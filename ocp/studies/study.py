@@ -68,6 +68,7 @@ class Study:
         compiled: whether the functions of an element are compiled to machine code, where a C compiler is there; None
             for studies without polish of at least 100 cases, which is when it pays.
         settings: anything else that results depend on; part of the identity.
+        gentle: whether drives with slack move with the least effort (`gentlest`) where a motion is not polished.
         verified: whether every solution is checked by `verify` as well; column `verified`, reasons in the message.
 
     Raises:
@@ -88,6 +89,7 @@ class Study:
     compiled: bool | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     verified: bool = False
+    gentle: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.function, Problem | Phases):
@@ -102,7 +104,7 @@ class Study:
         checks.instance("Study: scheme", self.scheme, Scheme | None, "a Scheme such as radau(3), or None")
         checks.instance("Study: grid", self.grid, Grid | None, "a Grid such as uniform(50), or None")
         checks.instance("Study: solver", self.solver, Ipopt, "settings of the solver, Ipopt(...)")
-        for name in ("polished", "neighbours", "slopes", "verified"):
+        for name in ("polished", "neighbours", "slopes", "verified", "gentle"):
             checks.truth(f"Study: {name}", getattr(self, name))
         checks.instance("Study: compiled", self.compiled, bool | None, "True, False, or None for where it pays")
         share = "a share between 0 and 1"
@@ -146,6 +148,7 @@ class Study:
             self.slopes,
         )
         own += ("verified",) if self.verified else ()  # type: ignore[assignment]
+        own += ("gentle",) if self.gentle else ()  # type: ignore[assignment]
         parts = (self.function, own, dict(self.settings), versions())
         return identify(parts, self.settings, strict=self.store is not None)
 
@@ -212,6 +215,7 @@ class Study:
             settings = StudySettings(
                 self.identity, self.function, self._first, self.measure, self.scheme, self.grid, self.solver,
                 self.polished, self.neighbours, self.checked, self.slopes, self._compiled, self.verified,
+                self.gentle,
             )  # fmt: skip
             plan = Plan(settings, self.cases, self.ids, self._parents)
             carry_out(plan, store, executor, retry_failed, watch)

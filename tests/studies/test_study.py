@@ -3,11 +3,12 @@
 import math
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from catalogue.studies import CART, QUIET, cart, carts, plain, squares
 
-from ocp import Ipopt, Problem, Study, Zip, solve, uniform
+from ocp import Ipopt, Problem, Study, System, Zip, along, end, solve, start, uniform
 from ocp.studies.store import Store, StoreError
 
 ROOT = Path(__file__).parents[2]
@@ -222,3 +223,31 @@ def test_zipped_axes():
     np.testing.assert_allclose(table["duration"], 2.0, rtol=1e-8)
     with pytest.raises(ValueError, match="design is Zip"):
         table.grid("duration")
+
+
+PAIR_X, PAIR_U = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
+PAIR = System(PAIR_X, PAIR_U, rate=ca.vertcat(PAIR_X[2:], PAIR_U), signals={"q": PAIR_X[:2], "v": PAIR_X[2:]})
+
+
+def pair(short):
+    """Two carts of one mass: the first has to go 1, the second, which has slack, only a short way."""
+    return Problem(PAIR, subject_to=(
+        start(PAIR_X, 0.0), end(PAIR_X, [1.0, short, 0.0, 0.0]), along(PAIR_U, -1.0, 1.0)))  # fmt: skip
+
+
+def slack(solution):
+    t = np.linspace(0.0, solution.duration, 2001)
+    return {"duration": solution.duration, "rms": float(np.sqrt(np.mean(solution.u(t)[:, 1] ** 2)))}
+
+
+def test_a_drive_with_slack_takes_the_least_effort():
+    """The fastest motion takes T = 2; the least effort of the second cart is rms(u) = sqrt(12) short / T^2."""
+    over = {"short": [0.1, 0.4]}
+    plain_study, gentle = (
+        Study(pair, over=over, grid=uniform(20), solver=QUIET, measure=slack, gentle=choice) for choice in (False, True)
+    )
+    assert plain_study.identity != gentle.identity
+    table = gentle.run()
+    np.testing.assert_allclose(table["duration"], 2.0, rtol=2e-4)
+    np.testing.assert_allclose(table["rms"], np.sqrt(12.0) * np.array(over["short"]) / 4.0, rtol=5e-3)
+    assert np.all(plain_study.run()["rms"] > table["rms"])
