@@ -14,12 +14,13 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from models.machines.manipulator import Manipulator
 from models.plots.signals import skeleton
 from models.plots.space import bounds, frame_of
-from models.plots.style import ACCENT, FAINT, MOTION, File, pretty, saved
+from models.plots.style import ACCENT, CLEAR, FAINT, MOTION, File, pretty, saved
 from ocp import checks
 from ocp.checks import Array
 
 TYPICAL = 0.6  # [rad or m] of every coordinate in a drawing without a position
 TURN = np.linspace(0.0, 1.5 * np.pi, 40)  # of a circular arrow
+MIDDLE = 0.75 * np.pi  # of the arrow, where its name stands
 STILL = 1e-9
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d1f", "#6b6bb0")
 
@@ -49,16 +50,16 @@ def machine(arm: Manipulator, q: Array | None = None, path: File | None = None) 
     pose = np.full(n, TYPICAL) if q is None else checks.column("q", q, n, f"{n} finite numbers in rad or m")
     corners = skeleton(arm, np.vstack([pose, np.zeros(n)]))
     middle, half = bounds(np.concatenate([corners, np.zeros((1, *corners.shape[1:]))]))
-    figure = plt.figure(figsize=(8.2, 7.4), layout="constrained")
+    figure = plt.figure(figsize=(8.2, 7.8), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     for k, name in enumerate("xyz"):
         tip = 0.35 * half * np.eye(3)[k]
         axes.quiver(0, 0, 0, *tip, color="black", linewidth=1.0, arrow_length_ratio=0.12)
-        axes.text(*(1.12 * tip), f"$e_{k + 1}$" + (" up" if name == "z" else ""), fontsize=9)
+        axes.text(*(1.12 * tip), f"$e_{k + 1}$" + (" up" if name == "z" else ""), fontsize=9, bbox=CLEAR)
     axes.plot(*corners[1].T, "--o", color=FAINT, linewidth=1.6, markersize=3)
     axes.plot(*corners[0].T, "-o", color=MOTION, linewidth=3.2, markersize=4)
     axes.plot(*corners[0][-1:].T, "s", color=ACCENT, markersize=8)
-    axes.text(*corners[0][-1], "  tool", fontsize=10)
+    axes.text(*(corners[0][-1] - 0.12 * half * np.eye(3)[2]), "tool", fontsize=10, ha="center", va="top", bbox=CLEAR)
     for body, centre in centres(arm, pose).items():
         axes.plot(*centre[:, None], "x", color=MOTION, markersize=6)
         axes.text(*centre, f"  {body}", fontsize=8, color=MOTION)
@@ -72,9 +73,11 @@ def machine(arm: Manipulator, q: Array | None = None, path: File | None = None) 
         way = (
             "does not move a body" if axis is None else "turns about its axis" if axis.turns else "moves along its axis"
         )
-        label = f"{pretty(f'{c.name} [{c.unit}]')}: {way}; drive {pretty(f'tau_{c.name} [{c.force_unit}]')} along it"
+        label = (
+            f"{pretty(f'{c.name} [{c.unit}]')}: {way}; drive {pretty(f'tau_{c.name} [{c.force_unit}]')} in its sense"
+        )
         handles.append(Line2D([], [], color=COLOURS[k % len(COLOURS)], marker=">", label=label))
-    frame_of(axes, middle, half)
+    frame_of(axes, middle, half, zoom=1.12)
     axes.view_init(elev=22.0, azim=-58.0)
     figure.legend(handles=handles, loc="outside lower center", fontsize=9, frameon=False)
     figure.suptitle(f"The {arm.name} manipulator: coordinates and positive directions", fontsize=11)
@@ -153,7 +156,8 @@ def _arrow(axes: Axes3D, axis: Axis, corners: Array, half: float, colour: str, l
     ring = centre + 0.13 * half * (np.outer(np.cos(TURN), one) + np.outer(np.sin(TURN), other))
     axes.plot(*ring.T, color=colour, linewidth=2.2)
     axes.quiver(*ring[-1], *(4.0 * (ring[-1] - ring[-2])), color=colour, linewidth=2.2, arrow_length_ratio=0.9)
-    axes.text(*(centre + 0.2 * half * one), label, color=colour, fontsize=12)
+    outside = np.cos(MIDDLE) * one + np.sin(MIDDLE) * other
+    axes.text(*(centre + 0.21 * half * outside), label, color=colour, fontsize=12, ha="center", va="center", bbox=CLEAR)
 
 
 def _listed(arm: Manipulator, q: Array) -> str:

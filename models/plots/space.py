@@ -9,7 +9,7 @@ import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, OBSTACLE
+from models.plots.style import ACCENT, CLEAR, FAINT, LIMIT, MOTION, OBSTACLE
 from models.plots.surfaces import Mesh, mesh
 from models.scenes.task import Obstacle
 from ocp.checks import Array
@@ -85,22 +85,27 @@ def draw_space(
     axes.plot(*tool[:1].T, "o", color=MOTION, markersize=6)
     axes.plot(*tool[-1:].T, "s", color=MOTION, markersize=7)
     closed = np.linalg.norm(tool[-1] - tool[0]) < 0.02 * half
-    axes.text(*tool[0], "  start, goal" if closed else "  start", fontsize=9)
+    _word(axes, tool[0], half, "start, goal" if closed else "start")
     if not closed:
-        axes.text(*tool[-1], "  goal", fontsize=9)
+        _word(axes, tool[-1], half, "goal")
     if via is not None and len(via):
         axes.plot(*via.T, "D", color=LIMIT, markersize=6)
-        axes.text(*via[0], "  via", fontsize=9)
+        _word(axes, via[0], half, "via")
     frame_of(axes, middle, half)
 
 
-def frame_of(axes: Axes3D, middle: Array, half: float) -> None:
-    """Set equal scales, limits and labels of axes in space."""
+def _word(axes: Axes3D, point: Array, half: float, word: str) -> None:
+    """Write a word above a point."""
+    axes.text(*(point + 0.08 * half * np.eye(3)[2]), word, fontsize=9, ha="center", va="bottom", bbox=CLEAR)
+
+
+def frame_of(axes: Axes3D, middle: Array, half: float, zoom: float = 0.92) -> None:
+    """Set equal scales, limits and labels of axes in space; `zoom` enlarges the view."""
     for axis, centre in zip("xyz", middle, strict=True):
         getattr(axes, f"set_{axis}lim")(centre - half, centre + half)
         getattr(axes, f"set_{axis}label")(f"{axis} [m]", fontsize=9, labelpad=2)
         getattr(axes, f"{axis}axis").set_major_locator(_ticks())
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.92)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
     axes.tick_params(labelsize=8, pad=1)
 
 

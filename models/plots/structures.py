@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from models.plots.signals import problem_of
+from models.plots.signals import minimised, problem_of
 from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, saved
 from ocp import Problem, Solution
 from ocp.arcs.switching import switching_functions
@@ -100,7 +100,9 @@ def structure(solution: Solution, path: File | None = None) -> Figure:
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 3), fontsize=8, frameon=False)
     figure.align_ylabels()
     arcs = len(solution.structure.arcs)
-    words = f"Switching structure: {arcs} arc{'s' if arcs > 1 else ''}, $t_f$ = {solution.duration:.10g} s"
+    words = (
+        f"{minimised(solution).capitalize()}: {arcs} arc{'s' if arcs > 1 else ''}, $t_f$ = {solution.duration:.10g} s"
+    )
     figure.suptitle(words, fontsize=10)
     return saved(figure, path)
 

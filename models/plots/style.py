@@ -13,6 +13,7 @@ from ocp.numerics.files import written_whole
 
 MOTION, LIMIT, FAINT, ACCENT = "#1f4e79", "#b03a2e", "#9aa5b1", "#d98c1f"
 OBSTACLE = "#7d6b5d"
+CLEAR = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind words in a picture in space
 GRID = "#e5e8eb"
 GREEK = ("theta", "psi", "phi", "xi")
 File = str | os.PathLike[str]
@@ -32,7 +33,8 @@ def saved(figure: Figure, path: File | None, dpi: int = 150) -> Figure:
     """
     if path is not None:
         try:
-            with written_whole(Path(path)) as part:
+            # Fonts as outlines that every printer and publisher takes, instead of Type 3.
+            with written_whole(Path(path)) as part, plt.rc_context({"pdf.fonttype": 42}):
                 figure.savefig(part, dpi=dpi)
         finally:
             plt.close(figure)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import sys
+import time
 import uuid
 from collections import Counter
 from collections.abc import Mapping
@@ -19,7 +21,7 @@ from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status
 from ocp.solving.first_guesses import phase_guesses, scattered, smooth
 from ocp.solving.guess_conversion import AnySolution
-from ocp.solving.ipopt import Ipopt
+from ocp.solving.ipopt import QUIET_SECONDS, Ipopt
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.transcription.grid import Grid
@@ -117,11 +119,14 @@ def multistart(
     task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
+    begun = time.perf_counter()
     results = [_solve_start(task, 0)]
     if not _refused(results[0]):
         rest = range(1, starts)
         others = map if executor is None else executor.map
-        results += list(others(functools.partial(_solve_start, task), rest))
+        for result in others(functools.partial(_solve_start, task), rest):
+            results.append(result)
+            _show(len(results), starts, begun)
     solved = [(k, _attached(s, problem)) for k, s in enumerate(results) if s.ok]
     optima = _distinct(solved)
     if not optima and not _refused(results[0]):
@@ -136,6 +141,14 @@ def multistart(
     )
     best = replace(optima[0], solution=replace(optima[0].solution, message=message))
     return Optima((best, *optima[1:]), message)
+
+
+def _show(done: int, starts: int, begun: float) -> None:
+    """Show on a terminal how many starts are done, once they have taken a while; the last one wipes the line."""
+    spent = time.perf_counter() - begun
+    if sys.stderr.isatty() and spent > QUIET_SECONDS:
+        line = f"  multistart, {done} of {starts} starts, {spent:.0f} s" if done < starts else ""
+        print(f"\r{line:76s}" + ("" if line else "\r"), end="", file=sys.stderr, flush=True)
 
 
 def _refused(solution: AnySolution) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import pickle
+import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,6 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import ocp.solving.local_optima as local_optima
 from models import torus
 from models.effects import Gravity
 from models.forms import canonical
@@ -162,3 +165,26 @@ def test_the_optima_say_how_many_they_are() -> None:
     optima = multistart(point_to_point(carriage(), 0.0, 1.0, tau=1.0), 3, grid=uniform(10))
     assert "1 local optima from 3 starts" in optima.message
     assert optima.message == optima[0].solution.message
+
+
+def test_long_searches_show_how_far_they_are_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    task = Problem(
+        System(x, u, ca.SX(0, 1), u), Fixed(1.0), Bolza(running=u**2), (start(x, 0.0), end(x, 1.0), along(u, -2.0, 2.0))
+    )
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setattr(local_optima, "QUIET_SECONDS", 0.0)
+    multistart(task, starts=3, grid=uniform(4))
+    lines = [line.rstrip() for line in shown.getvalue().split("\r")]
+    assert [line.partition(",")[2] for line in lines if line] == [" 2 of 3 starts, 0 s"]
+    monkeypatch.setattr(local_optima, "QUIET_SECONDS", 60.0)
+    quiet = Terminal()
+    monkeypatch.setattr(sys, "stderr", quiet)
+    multistart(task, starts=3, grid=uniform(4))
+    assert quiet.getvalue() == ""
