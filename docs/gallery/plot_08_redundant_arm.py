@@ -2,7 +2,7 @@
 A redundant arm
 ===============
 
-The Franka Panda has seven axes, one more than a pose of its hand needs. Only the place of the tool is given at the
+The Franka Panda has seven axes, one more than a pose of its hand needs. Only the position of the tool is given at the
 end; the solver chooses the posture that is reached fastest.
 """
 

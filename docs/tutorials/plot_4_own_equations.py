@@ -1,6 +1,6 @@
 """
-4. Equations of your own: a crane
-=================================
+4. Equations of your own: a crane, a double pendulum
+====================================================
 
 ``ocp`` knows no robots. Any ODE x' = f(x, u) in CasADi will do: here a trolley with a load on a rope, moved as fast
 as possible from rest to rest without a swing at the end.
@@ -61,3 +61,34 @@ plt.legend()
 if step.structure is not None:
     print(step.structure)
     plots.structure(step)
+
+# %%
+# A double pendulum on a cart
+# ---------------------------
+# Longer equations are better derived than written: kinetic and potential energy as expressions, Lagrange's equations by
+# differentiation. Two loads hang below each other on a cart that is pushed from rest to rest over one metre.
+
+q, v, push = ca.SX.sym("q", 3), ca.SX.sym("v", 3), ca.SX.sym("push")
+cart, load, rope = 2.0, 0.5, 0.5
+upper = ca.vertcat(q[0] + rope * ca.sin(q[1]), -rope * ca.cos(q[1]))
+lower = upper + rope * ca.vertcat(ca.sin(q[2]), -ca.cos(q[2]))
+speeds = [ca.jacobian(point, q) @ v for point in (upper, lower)]
+kinetic = cart * v[0] ** 2 / 2 + sum(load * ca.dot(speed, speed) / 2 for speed in speeds)
+potential = load * g * (upper[1] + lower[1])
+metric = ca.hessian(kinetic, v)[0]
+forces = (
+    ca.vertcat(push, 0, 0) - ca.gradient(potential, q) + ca.gradient(kinetic, q) - ca.jacobian(metric @ v, q) @ v
+)
+rate = ca.vertcat(v, ca.solve(metric, forces))
+pendulum = System(ca.vertcat(q, v), push, rate=rate, signals={"q": q, "v": v, "push": push})
+
+best = polish(solve(point_to_point(pendulum, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], push=10.0), grid=uniform(50)))
+print(best.structure)
+print(verify(best))
+plots.structure(best)
+
+t = np.linspace(0.0, best.duration, 400)
+plt.figure(figsize=(7, 3))
+plt.plot(t, best.costate(t)[:, 3:], label=["costate of the cart's speed", "of the upper rope", "of the lower rope"])
+plt.xlabel("t [s]")
+plt.legend()

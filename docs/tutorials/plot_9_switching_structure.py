@@ -2,7 +2,8 @@
 9. Reading a switching structure
 ================================
 
-In the shortest time most drives are at a limit most of the time. Which, when, and why, says the switching structure.
+In the shortest time most drives are at a limit most of the time. The switching structure shows
+which, when, and why.
 """
 
 # %%

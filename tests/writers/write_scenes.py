@@ -25,10 +25,10 @@ A scene is a machine with the effects that its task calls for, and the form and 
 is not listed leaves no trace. In Python it is one value; in a file it is TOML, beside the task:
 
 ```sh
-python scripts/time_optimal.py --template torus > arm.toml     # every key, with units; all effects, in comments
-python scripts/time_optimal.py arm.toml --card                 # what it is, before it is solved
-python scripts/time_optimal.py arm.toml                        # solve, verify, table, picture
-python scripts/time_optimal.py arm.toml --budget               # what each effect costs
+hamel template torus > arm.toml       # every key, with units; also ur5, panda, a URDF file; all effects, in comments
+hamel card arm.toml                   # what it is, before it is solved
+hamel time-optimal arm.toml --report  # solve, verify, table, picture, report
+hamel budget arm.toml --report        # what each effect costs
 ```
 
 ```python
@@ -51,7 +51,7 @@ executes nothing.
 
 | key | what | default |
 |---|---|---|
-| `machine` | `cylindrical`, `spherical`, `torus` | none |
+| `machine` | `cylindrical`, `spherical`, `torus`; `{ robot = "ur5" }`, `{ urdf = "arm.urdf", tip = "tool0" }`; a name of `--with` | none |
 | `form`, `frame` | of the equations | `canonical`, `regular` |
 | `[parameters]` | of the machine, by name | those of the machine |
 | `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
