@@ -16,6 +16,8 @@ exclude_patterns = ["_build", "tutorials", "gallery"]
 master_doc = "index"
 myst_heading_anchors = 3
 myst_enable_extensions = ["colon_fence"]
+nitpicky = True  # a reference to nothing is a warning, and warnings are errors
+nitpick_ignore = [("py:exc", "UnidentifiedError"), ("py:class", "numpy.ndarray")]
 suppress_warnings = ["config.cache", "myst.header"]
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
@@ -43,6 +45,8 @@ EQUATION = re.compile(r"\s*[\w'()\[\]{} .^/+*-]+ (=|<=|>=) \S")
 
 def plain_text(app, what, name, obj, options, lines):
     """Escape markup in a docstring, and keep the lines of paragraphs with equations."""
+    if what in ("property", "attribute") and lines:
+        lines[0] = lines[0].replace(": ", " -- ")  # napoleon takes what stands before a colon for a type
     results, inside = [], False
     for number, paragraph in enumerate("\n".join(lines).split("\n\n")):
         rows = [MARKUP.sub(lambda match: "\\" + match.group(0), row) for row in paragraph.split("\n")]

@@ -212,14 +212,14 @@ def write(
         if not options.no_picture:
             raw = raw_torques(motion, table) if options.compare else None
             for suffix in options.formats:
-                draw_torques(table, raw, part / f"torques.{suffix}")
+                draw_torques(table, raw, part / f"torques.{suffix}", limited[1])
         if options.report:
             from html_reports.torque_page import write_torque_report
 
             document = None if options.scene is None else read_document(options.scene)
             with working("writing the report", not (options.quiet or options.json)):
                 lines = exceeded(table, limited[1])
-                write_torque_report(part / "torques.html", motion, table, scene, document, lines)
+                write_torque_report(part / "torques.html", motion, table, scene, document, lines, limited[1])
         if options.export:
             names = [c.name for c in table.machine.coordinates]
             message = as_trajectory(table.t, table.q, table.v, table.a, names)

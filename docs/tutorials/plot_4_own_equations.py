@@ -76,9 +76,7 @@ speeds = [ca.jacobian(point, q) @ v for point in (upper, lower)]
 kinetic = cart * v[0] ** 2 / 2 + sum(load * ca.dot(speed, speed) / 2 for speed in speeds)
 potential = load * g * (upper[1] + lower[1])
 metric = ca.hessian(kinetic, v)[0]
-forces = (
-    ca.vertcat(push, 0, 0) - ca.gradient(potential, q) + ca.gradient(kinetic, q) - ca.jacobian(metric @ v, q) @ v
-)
+forces = ca.vertcat(push, 0, 0) - ca.gradient(potential, q) + ca.gradient(kinetic, q) - ca.jacobian(metric @ v, q) @ v
 rate = ca.vertcat(v, ca.solve(metric, forces))
 pendulum = System(ca.vertcat(q, v), push, rate=rate, signals={"q": q, "v": v, "push": push})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -11,7 +12,7 @@ from models.machines.manipulator import Manipulator
 from models.plots.surfaces import Mesh, capsule, joined
 from ocp import Problem, SequenceSolution, Solution
 from ocp.checks import Array
-from ocp.problem.constraints import Where
+from ocp.problem.constraints import Constraint, Where
 
 SHARES = np.linspace(0.0, 1.0, 9)  # points on each element at which curves are sampled
 HEADINGS = {"q": "position", "v": "velocity", "tau": "drive", "x": "state", "u": "control"}
@@ -82,7 +83,7 @@ def _leg(leg: Solution, name: str) -> tuple[Array, Array, Array, Array]:
     problem = problem_of(leg)
     system = problem.system
     expression = ca.densify(ca.vec(system[name]))
-    bounds = [ca.vec(side) for side in _limits(problem, expression)]
+    bounds = [ca.vec(side) for side in limits_of(system.u, problem.subject_to, expression)]
     t, x, _, u = leg.samples(SHARES)
     function = ca.Function("curve", [system.x, system.u, system.p], [expression, *map(ca.densify, bounds)])
     results = function.map(len(t))(x.T, u.T, np.tile(leg.parameters[:, None], len(t)))
@@ -90,16 +91,20 @@ def _leg(leg: Solution, name: str) -> tuple[Array, Array, Array, Array]:
     return t, values, lower, upper
 
 
-def _limits(problem: Problem, signal: ca.SX) -> tuple[ca.SX, ca.SX]:
+def limits_of(u: ca.SX, constraints: Sequence[Constraint], signal: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return expressions (n,) of the limits of a signal along the motion.
 
     A limited expression e with lower <= e <= upper that is a component s of the signal gives them at once. One that is
     affine in a control, and in no other, limits it by s + (lower - e) / (de/ds) .. s + (upper - e) / (de/ds), such as
     the torque that is left at a speed.
+
+    Args:
+        u: (nu,) controls.
+        constraints: of a problem.
+        signal: (n,) expression.
     """
-    u = problem.system.u
     low, high = ca.SX(-np.inf * np.ones(signal.numel())), ca.SX(np.inf * np.ones(signal.numel()))
-    for constraint in problem.subject_to:
+    for constraint in constraints:
         if constraint.where is not Where.ALONG:
             continue
         for c, part in enumerate(ca.vertsplit(constraint.expression)):

@@ -37,6 +37,14 @@ def argument_words(thing: object) -> dict[str, str]:
     return {name: _short(text) for name, text in words.items()}
 
 
+def argument_units(thing: object) -> dict[str, str]:
+    """Return name -> unit of every argument whose explanation ends with one in brackets."""
+    units: dict[str, str] = {}
+    for names, text in re.findall(r"(?m)^ +(\w+(?:, \w+)*): .*?\[([^\]]*)\]\.?$", inspect.getdoc(thing) or ""):
+        units |= dict.fromkeys(names.split(", "), text)
+    return units
+
+
 def _short(text: str) -> str:
     """Return an explanation without its unit, cut at the end of a part if it is long."""
     text = UNIT.sub("", text).rstrip(".")

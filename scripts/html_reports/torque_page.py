@@ -12,7 +12,8 @@ from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import HIGH, Panel, time_curves
 from models import Motion, Scene, TorqueTable
-from models.plots.signals import skeleton
+from models.plots.drive_limits import Limits, drive_limits
+from models.plots.signals import links, skeleton
 from models.scenes.toml_document import Table
 from ocp.checks import Array
 
@@ -20,8 +21,9 @@ MOST = 600  # points of a curve
 
 
 def write_torque_report(
-    path: Path, motion: Motion, table: TorqueTable, scene: Scene, document: Table | None, broken: list[str]
-) -> None:
+    path: Path, motion: Motion, table: TorqueTable, scene: Scene, document: Table | None, broken: list[str],
+    limits: Limits | None = None,
+) -> None:  # fmt: skip
     """Write the report of a torque table.
 
     Args:
@@ -31,14 +33,17 @@ def write_torque_report(
         scene: machine and effects.
         document: the scene file, or None without one.
         broken: sentences about limits that are exceeded.
+        limits: of the scene on signals.
 
     Raises:
         ImportError: Plotly is not installed.
         OSError: the file cannot be written.
     """
+    bounds = drive_limits(table, limits)
     kept = np.unique(np.linspace(0, len(table.t) - 1, min(MOST, len(table.t))).round().astype(int))
     t = np.linspace(float(table.t[0]), float(table.t[-1]), FRAMES)
-    space = playback(t, skeleton(table.machine, motion.q(t)))
+    q = motion.q(t)
+    space = playback(t, skeleton(table.machine, q), (), None, links(table.machine, q))
     rows = [
         (load.name, load.unit, load.peak, load.rms, load.speed, load.mean_power, load.peak_power)
         for load in table.loads
@@ -52,9 +57,9 @@ def write_torque_report(
         page.paragraph(f"{motion!r}. {'; '.join(motion.notes)}"),
         page.section("The motion", page.figure(space, "arm", "The slider and a click on a curve below go to a time.")),
         page.section("Torques and their parts", page.figure(
-            time_curves([_torques(table, kept), _speeds(table, kept), _powers(table, kept)]), "curves",
-            "Thick: the torque; thin: its parts by cause. Shaded: the drive is asked for more than it has.")),
-        page.section("Torque over speed", page.figure(_planes(table, kept), "planes")),
+            time_curves([_torques(table, kept, bounds), _speeds(table, kept), _powers(table, kept)]), "curves",
+            "Thick: the torque; thin: its parts by cause. Dashed: what the drive has. Shaded: nothing is left.")),
+        page.section("Torque over speed", page.figure(_planes(table, kept, bounds), "planes")),
         page.section("Loads of the drives", page.table(head, rows)),
         page.section("Parts of the torque, root mean square", page.table(("part", *drives), parts)),
         page.section("The scene", page.preformatted(as_toml(document.entries)) if document is not None else "",
@@ -68,21 +73,15 @@ def _kept(table: TorqueTable) -> str:
     return "all limits are kept" if table.limits else "no limits of the drives were given: see --limit, --speed"
 
 
-def _torques(table: TorqueTable, kept: Array) -> list[Panel]:
+def _torques(table: TorqueTable, kept: Array, bounds: tuple[Array, Array]) -> list[Panel]:
     panels = []
     for i, c in enumerate(table.machine.coordinates):
         lines = {"torque": table.tau[kept, i], **{name: part[kept, i] for name, part in table.split.items()}}
         spans = [(span.start, span.end, HIGH) for span in table.loads[i].exceeded]
-        limit = _available(table, i, kept)
-        lower = None if limit is None else -limit
+        lower, upper = (side[kept, i] for side in bounds)
         heading = "torque and its parts" if i == 0 else ""
-        panels.append(Panel(f"tau_{c.name} [{c.force_unit}]", table.t[kept], lines, lower, limit, heading, spans))
+        panels.append(Panel(f"tau_{c.name} [{c.force_unit}]", table.t[kept], lines, lower, upper, heading, spans))
     return panels
-
-
-def _available(table: TorqueTable, i: int, kept: Array) -> Array | None:
-    """Return the torque (K,) that is available at the speed of each time."""
-    return np.asarray(table.limits[i].torque(table.v[kept, i])) if table.limits else None
 
 
 def _speeds(table: TorqueTable, kept: Array) -> list[Panel]:
@@ -99,7 +98,7 @@ def _powers(table: TorqueTable, kept: Array) -> list[Panel]:
     ]
 
 
-def _planes(table: TorqueTable, kept: Array) -> Any:
+def _planes(table: TorqueTable, kept: Array, bounds: tuple[Array, Array]) -> Any:
     go, coordinates = page.plotly(), table.machine.coordinates
     drawing = page.plotly("subplots").make_subplots(rows=1, cols=len(coordinates))
     for i, c in enumerate(coordinates):
@@ -118,6 +117,13 @@ def _planes(table: TorqueTable, kept: Array) -> Any:
                 y = [float(sign * a) if np.isfinite(a) else None for a in allowed]
                 line = {"color": "#b03a2e", "dash": "dash"}
                 drawing.add_trace(go.Scatter(x=speeds.tolist(), y=y, mode="lines", line=line, name="limit"), 1, i + 1)
+        else:
+            order = kept[np.argsort(v)]
+            for side in bounds:
+                y = [float(a) if np.isfinite(a) else None for a in side[order, i]]
+                line = {"color": "#b03a2e", "dash": "dash"}
+                drawing.add_trace(go.Scatter(x=table.v[order, i].tolist(), y=y, mode="lines", line=line, name="limit"),
+                                  1, i + 1)  # fmt: skip
         drawing.update_xaxes(title_text=f"d{c.name}/dt [{c.unit}/s]", row=1, col=i + 1)
         drawing.update_yaxes(title_text=f"tau_{c.name} [{c.force_unit}]", row=1, col=i + 1)
     return drawing.update_layout(height=360, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})

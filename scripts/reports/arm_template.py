@@ -14,7 +14,7 @@ from models.plots.machines import joint_axes
 from models.plots.signals import skeleton
 from models.rigid_bodies import from_urdf
 from models.scenes import catalogue
-from models.scenes.docstring_words import argument_words
+from models.scenes.docstring_words import argument_units, argument_words
 from models.scenes.robot_entry import shipped
 from models.scenes.scene_template import TASKS, effect_lines, scene_text
 from ocp.checks import Array
@@ -81,11 +81,12 @@ def _head(arm: Manipulator, entry: str, note: str) -> Iterator[str]:
 def _parameters(name: str) -> Iterator[str]:
     """Yield the parameters of a machine of the user, with the words of its docstring."""
     function = catalogue.machines()[name]
-    words = argument_words(function)
+    words, units = argument_words(function), argument_units(function)
     yield "[parameters]            # these are the defaults; a line may be left out"
     for parameter in inspect.signature(function).parameters.values():
         if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool):
-            yield f"{parameter.name} = {parameter.default!r}".ljust(24) + f"# {words.get(parameter.name, '?')}"
+            note = "; ".join(part[parameter.name] for part in (units, words) if parameter.name in part)
+            yield f"{parameter.name} = {parameter.default!r}".ljust(24) + f"# {note or '?'}"
     yield ""
 
 

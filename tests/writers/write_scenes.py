@@ -51,7 +51,7 @@ executes nothing.
 
 | key | what | default |
 |---|---|---|
-| `machine` | `cylindrical`, `spherical`, `torus`; `{ robot = "ur5" }`, `{ urdf = "arm.urdf", tip = "tool0" }`; a name of `--with` | none |
+| `machine` | `cylindrical`, `spherical`, `torus`, or of `--with`; `{ robot = "ur5" }`; `{ urdf = "a.urdf" }` | none |
 | `form`, `frame` | of the equations | `canonical`, `regular` |
 | `[parameters]` | of the machine, by name | those of the machine |
 | `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
