@@ -12,6 +12,7 @@ author = "the authors of Hamel"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery"]
 html_theme = "furo"
 html_title = "Hamel"
+html_show_search_summary = False  # summaries are fetched, which browsers refuse to pages on disk; results need none
 exclude_patterns = ["_build", "tutorials", "gallery"]
 master_doc = "index"
 myst_heading_anchors = 3
