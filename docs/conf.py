@@ -40,8 +40,15 @@ sphinx_gallery_conf = {
 # Docstrings are plain text: what reStructuredText would take for markup is escaped, and a paragraph with an equation
 # keeps its lines.
 MARKUP = re.compile(r"([*|`\\])|(?<=\w)(_)(?=\W|$)")
+CODE = re.compile(r"`([^`]+)`")
 SECTION = re.compile(r"(Args|Returns|Raises|Yields|Source|Attributes):")
 EQUATION = re.compile(r"\s*[\w'()\[\]{} .^/+*-]+ (=|<=|>=) \S")
+
+
+def escaped(row):
+    """Return a line with markup escaped, and what stands between backticks as code."""
+    parts = CODE.split(row)
+    return "".join(f"``{part}``" if k % 2 else MARKUP.sub(r"\\\g<0>", part) for k, part in enumerate(parts))
 
 
 def plain_text(app, what, name, obj, options, lines):
@@ -50,7 +57,7 @@ def plain_text(app, what, name, obj, options, lines):
         lines[0] = lines[0].replace(": ", " -- ")  # napoleon takes what stands before a colon for a type
     results, inside = [], False
     for number, paragraph in enumerate("\n".join(lines).split("\n\n")):
-        rows = [MARKUP.sub(lambda match: "\\" + match.group(0), row) for row in paragraph.split("\n")]
+        rows = [escaped(row) for row in paragraph.split("\n")]
         inside = inside or any(SECTION.match(row) for row in rows)
         kept = number > 0 and not inside and any(EQUATION.match(row) for row in rows)
         results += [f"| {row.strip()}" if kept and row.strip() else row for row in rows] + [""]

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
-from models.plots.drive_limits import Limits, drive_limits
+from models.plots.torque_bounds import Limits, drive_limits
 from models.plots.signals import skeleton
 from models.plots.space import draw_space
 from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved, styled

@@ -12,7 +12,7 @@ from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import HIGH, Panel, time_curves
 from models import Motion, Scene, TorqueTable
-from models.plots.drive_limits import Limits, drive_limits
+from models.plots.torque_bounds import Limits, drive_limits
 from models.plots.signals import links, skeleton
 from models.scenes.toml_document import Table
 from ocp.checks import Array
