@@ -6,7 +6,7 @@ equations to the solution. Errors are true ones, against a reference whose own e
 
 from __future__ import annotations
 
-from reports.command import exit_with  # first: it decides how pictures are drawn
+from reports.command import command_parser, exit_with  # first: it decides how pictures are drawn
 
 # isort: split
 
@@ -37,6 +37,15 @@ from reports.output import add_output, output_folder
 from models.scenes.scene_template import TASKS
 from ocp import Control, polish
 
+EXAMPLES = """examples:
+  python scripts/accuracy.py                                     the default task of the spherical manipulator, 95 s
+  python scripts/accuracy.py --machine torus --report            another one, with an HTML report
+  python scripts/accuracy.py --forms hamel --schemes radau lobatto --degrees 2 3 --grids 25 50
+  python scripts/accuracy.py --parts simulation --integrators radau_5 bdf
+  python scripts/accuracy.py --problem P1 P3 --peers rockit      problems of the benchmark, with another tool
+
+Without any list of forms, schemes, degrees or controls the contenders are a star around the default, canonical
+radau(3) with constant controls; with one, every combination. Angles in rad, lengths in m."""
 GRIDS = (12, 25, 50, 100, 200)
 METHODS = ("uniform", "polish", "refine", "refine+polish")
 COARSE = (25, 50, 100)  # elements from which is polished
@@ -149,11 +158,7 @@ def missing(name: str) -> str:
 
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else None,
-        epilog="Without any list of forms, schemes, degrees or controls the contenders are a star around the default, "
-        "canonical radau(3) with constant controls; with one, every combination. Angles in rad, lengths in m.",
-    )
+    parser = command_parser(__doc__.splitlines()[0] if __doc__ else "", EXAMPLES)
     add = parser.add_argument
     add("--machine", choices=TASKS, default="spherical", help="which manipulator (default: %(default)s)")
     add("--from", dest="q0", nargs="+", type=float, metavar="Q", help="start, at rest [rad or m]")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import sys
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from reports.command import exit_with
@@ -37,15 +39,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not given or given[0] in ("-h", "--help"):
         print(_help())
         return 0 if given else 2
+    if given[0] == "--version":
+        print(_version())
+        return 0
     name, *rest = given
     if name not in COMMANDS:
-        print(f"hamel: no command {name!r}; there are {', '.join(COMMANDS)}", file=sys.stderr)
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        advice = f"; did you mean {near[0]}?" if near else ""
+        print(f"hamel: no command {name!r}; there are {', '.join(COMMANDS)}{advice}", file=sys.stderr)
         return 2
     module, options, _ = COMMANDS[name]
     sys.argv[0] = f"hamel {name}"
     options = () if {"-h", "--help"} & set(rest) else options
     status: int = importlib.import_module(module).main([*options, *rest])
     return status
+
+
+def _version() -> str:
+    try:
+        return f"hamel {version('hamel')}, casadi {version('casadi')}"
+    except PackageNotFoundError:
+        return f"hamel from its folder, casadi {version('casadi')}"
 
 
 def _help() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reports.command import exit_with  # first: it decides how pictures are drawn
+from reports.command import command_parser, exit_with  # first: it decides how pictures are drawn
 
 # isort: split
 
@@ -28,6 +28,16 @@ from ocp import StoreError, Study, StudyTable
 from ocp.studies.executors import KINDS, executor
 from ocp.studies.main_effects import influences
 from ocp.studies.neighbour_check import unchecked_jumps
+
+EXAMPLES = """examples:
+  python scripts/study.py scripts/scenes/study.toml --dry-run    what would be computed
+  python scripts/study.py study.toml --jobs 2 --report           solve, rank, draw, an HTML report with every motion
+  python scripts/study.py study.toml --resume                    go on after an interruption; what is stored stays
+  python scripts/study.py study.toml --retry-failed --export table.csv
+  python scripts/study.py study.toml --executor dask:tcp://HOST:8786
+
+STUDY is a scene file with a table [study]; see docs/studies.md. What is stored is not computed again.
+Exit status: 0 all solved, 1 some failed, 2 wrong usage, 130 interrupted."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,11 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else None,
-        epilog="STUDY is a scene file with a table [study]; see docs/studies.md. What is stored is not computed again. "
-        "Exit status: 0 all solved, 1 some failed, 2 wrong usage, 130 interrupted.",
-    )
+    parser = command_parser(__doc__ or "", EXAMPLES)
     parser.add_argument("study", type=Path, metavar="STUDY", help="scene file (TOML) with a table [study]")
     parser.add_argument("--store", type=Path, metavar="FILE", help="SQLite file of the results (default: STUDY.db)")
     parser.add_argument(

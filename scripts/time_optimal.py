@@ -6,7 +6,7 @@ m, torques in N m and forces in N, in the order of the coordinates. A scene file
 
 from __future__ import annotations
 
-from reports.command import exit_with  # first: it decides how pictures are drawn
+from reports.command import command_parser, exit_with  # first: it decides how pictures are drawn
 
 # isort: split
 
@@ -239,11 +239,7 @@ def _changed(document: Table, changes: dict[str, object]) -> Table:
 
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__.splitlines()[0] if __doc__ else None,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = command_parser(__doc__.splitlines()[0] if __doc__ else "", EXAMPLES)
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="scene file (TOML); options below change it")
     parser.add_argument("--machine", choices=TASKS, help="default scene of a manipulator (default: spherical)")
     parser.add_argument("--form", choices=catalogue.forms(), help="form of the equations (default: canonical)")

@@ -7,7 +7,7 @@ JointState (.json, .jsonl, .yaml), a solution (.npz), or arrays t, q (.npz).
 
 from __future__ import annotations
 
-from reports.command import exit_with  # first: it decides how pictures are drawn
+from reports.command import command_parser, exit_with  # first: it decides how pictures are drawn
 
 # isort: split
 
@@ -41,6 +41,15 @@ from models.scenes.task_file import read_limits
 from models.scenes.toml_document import Table, parse, read_document
 from models.torques.table_text import PROGRAMS, SPREADSHEETS, columns_of, write_table
 
+EXAMPLES = """examples:
+  python scripts/torques.py recording.csv arm.toml --report      torques with their parts, an HTML report
+  python scripts/torques.py waypoints.csv arm.toml               run through as fast as the limits of the scene allow
+  python scripts/torques.py recording.csv --machine torus --payload 5 --limit 250 600 220
+  python scripts/torques.py recording.csv arm.toml --ratios 60:140 --motors motors.toml
+  python scripts/torques.py results/time_optimal.npz arm.toml --rate 1000 --code    files for a controller
+
+Angles in rad, lengths in m, torques in N m, forces in N, in the order of the coordinates.
+Exit status: 0, 1 a limit is exceeded, 2 wrong usage or input (one sentence, no file written)."""
 LONG = 100_000  # rows from which progress is shown
 Say = Callable[[str], None]
 
@@ -81,12 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="Angles in rad, lengths in m, torques in N m, forces in N, in the order of the coordinates. "
-        "Exit status: 0, 1 a limit is exceeded, 2 wrong usage or input (one sentence, no file written).",
-    )
+    parser = command_parser(__doc__ or "", EXAMPLES)
     add = parser.add_argument
     add("motion", type=Path, metavar="MOTION", help="file with the motion")
     add("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML): machine, effects, limits, motors")

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 
-from models.plots.torque_bounds import Limits, drive_limits
 from models.plots.signals import skeleton
 from models.plots.space import draw_space
 from models.plots.style import ACCENT, FAINT, LIMIT, MOTION, File, pretty, saved, styled
+from models.plots.torque_bounds import Limits, drive_limits
 from models.torques.time_means import rms, rms_of_samples
 from models.torques.torque_table import TorqueTable
 from ocp.checks import Array

@@ -12,8 +12,8 @@ from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import HIGH, Panel, time_curves
 from models import Motion, Scene, TorqueTable
-from models.plots.torque_bounds import Limits, drive_limits
 from models.plots.signals import links, skeleton
+from models.plots.torque_bounds import Limits, drive_limits
 from models.scenes.toml_document import Table
 from ocp.checks import Array
 

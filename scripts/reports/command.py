@@ -2,11 +2,36 @@
 
 from __future__ import annotations
 
+import argparse
+import difflib
 import os
 import sys
 from collections.abc import Callable
+from typing import NoReturn
 
 CLOSED = 141  # as of a program that the closed pipe ends: 128 + SIGPIPE
+
+
+def command_parser(description: str, examples: str) -> argparse.ArgumentParser:
+    """Return a parser that answers a wrong option with one line, and --help with examples.
+
+    Args:
+        description: what the command does.
+        examples: and what else stands below the options.
+    """
+    parser = argparse.ArgumentParser(
+        description=description, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+
+    def error(message: str) -> NoReturn:
+        options = [option for action in parser._actions for option in action.option_strings]
+        unknown = [word for word in message.split() if word.startswith("--")] if "unrecognized" in message else []
+        near = [match for word in unknown for match in difflib.get_close_matches(word.partition("=")[0], options, 1)]
+        advice = f"; did you mean {near[0]}?" if near else ""
+        parser.exit(2, f"{parser.prog}: {message}{advice} ({parser.prog} --help lists the options)\n")
+
+    parser.error = error  # type: ignore[method-assign]
+    return parser
 
 
 def exit_with(main: Callable[[], int]) -> None:

@@ -51,13 +51,24 @@ def test_every_command_has_help(capsys: pytest.CaptureFixture[str], monkeypatch:
         with pytest.raises(SystemExit) as ended:
             hamel.main([name, "--help"])
         assert ended.value.code == 0
-        assert "usage:" in capsys.readouterr().out
+        shown = capsys.readouterr().out
+        assert "usage:" in shown
+        assert "xample" in shown
     assert hamel.main(["--help"]) == 0
     listed = capsys.readouterr().out
     assert all(name in listed for name in hamel.COMMANDS)
     assert hamel.main([]) == 2
     assert hamel.main(["fly"]) == 2
     assert "no command 'fly'; there are time-optimal" in capsys.readouterr().err
+    assert hamel.main(["torque"]) == 2
+    assert capsys.readouterr().err.endswith("did you mean torques?\n")
+    for name, wrong, right in (("time-optimal", "--polsh", "--polish"), ("study", "--resum", "--resume")):
+        with pytest.raises(SystemExit) as ended:
+            hamel.main([name, *(["s.toml"] if name == "study" else []), f"{wrong}x"])
+        assert ended.value.code == 2
+        said = capsys.readouterr().err
+        assert f"unrecognized arguments: {wrong}x; did you mean {right}?" in said
+        assert said.count("\n") == 1
 
 
 def test_commands_stand_for_their_arguments(

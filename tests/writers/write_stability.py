@@ -70,7 +70,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0] if __doc__ else None,
+        epilog="Example: python scripts/stability.py --fast --jobs 2 runs the cases of the ordinary tests.",
+    )
     parser.add_argument("--fast", action="store_true", help="only the cases of the ordinary tests")
     parser.add_argument("--group", nargs="+", metavar="NAME", help="only these groups")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
