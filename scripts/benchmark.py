@@ -98,8 +98,8 @@ def command_line() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0] if __doc__ else None,
-        epilog="Example: python scripts/benchmark.py --problems P2 --grids 50 --repeats 3. P2 is the spherical manipulator. "
-        "Other tools take part where they are installed (extra bench).",
+        epilog="Example: python scripts/benchmark.py --problems P2 --grids 50 --repeats 3. P2 is the spherical "
+        "manipulator. Other tools take part where they are installed (extra bench).",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     add = parser.add_argument
