@@ -18,6 +18,7 @@ from models.scenes.docstring_words import argument_units, argument_words
 from models.scenes.robot_entry import shipped
 from models.scenes.scene_template import TASKS, effect_lines, scene_text
 from ocp.checks import Array
+from reports.scene_toml import key_of
 
 STEP = 0.5  # [rad or m] between start and goal of the task, at most a quarter of the range of a coordinate
 UNKNOWN = 100.0  # [N m or N] a limit of a drive that no file states, to be replaced
@@ -70,7 +71,11 @@ def _head(arm: Manipulator, entry: str, note: str) -> Iterator[str]:
     if weights:
         yield from _wrapped(f"Links, named by the joint that carries them: {', '.join(weights)}.")
     yield from (line for note in arm.notes for line in _wrapped(f"Note: {note}."))
-    yield "# One number for each coordinate: [1, 2, ...], or by name, { " + arm.coordinates[0].name + " = 1, ... }."
+    yield (
+        "# One number for each coordinate: [1, 2, ...], or by name, { "
+        + key_of(arm.coordinates[0].name)
+        + " = 1, ... }."
+    )
     yield ""
     yield f"machine = {entry}" + (f"  # {note}" if note else "")
     yield 'form = "canonical"'.ljust(24) + f"# {', '.join(catalogue.forms())}"
@@ -86,7 +91,7 @@ def _parameters(name: str) -> Iterator[str]:
     for parameter in inspect.signature(function).parameters.values():
         if isinstance(parameter.default, int | float) and not isinstance(parameter.default, bool):
             note = "; ".join(part[parameter.name] for part in (units, words) if parameter.name in part)
-            yield f"{parameter.name} = {parameter.default!r}".ljust(24) + f"# {note or '?'}"
+            yield f"{key_of(parameter.name)} = {parameter.default!r}".ljust(24) + f"# {note or '?'}"
     yield ""
 
 

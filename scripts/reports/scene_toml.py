@@ -21,7 +21,7 @@ def as_toml(entries: Mapping[str, object]) -> str:
 def _table(entries: Mapping[str, object], way: tuple[str, ...]) -> list[str]:
     inner = {name: value for name, value in entries.items() if _has_a_heading(value, way)}
     several = {name: value for name, value in entries.items() if _are_tables(value)}
-    lines = [f"{_key(k)} = {_value(value)}" for k, value in entries.items() if k not in inner and k not in several]
+    lines = [f"{key_of(k)} = {_value(value)}" for k, value in entries.items() if k not in inner and k not in several]
     for name, value in inner.items():
         assert isinstance(value, Mapping)
         below = [_has_a_heading(one, (*way, name)) for one in value.values()]
@@ -44,10 +44,11 @@ def _are_tables(value: object) -> bool:
 
 
 def _dotted(way: tuple[str, ...], name: str) -> str:
-    return ".".join(map(_key, (*way, name)))
+    return ".".join(map(key_of, (*way, name)))
 
 
-def _key(name: str) -> str:
+def key_of(name: str) -> str:
+    """Return a name as a key of TOML, in quotes if need be."""
     return name if BARE.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
@@ -59,7 +60,7 @@ def _value(value: object) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(name)} = {_value(one)}" for name, one in value.items()) + " }"
+        return "{ " + ", ".join(f"{key_of(name)} = {_value(one)}" for name, one in value.items()) + " }"
     if isinstance(value, float):
         return repr(float(value))
     return str(value)

@@ -83,6 +83,22 @@ def test_a_machine_of_ones_own_has_a_template(tmp_path: Path, capsys: pytest.Cap
         catalogue._included.clear()
 
 
+def test_names_of_other_alphabets_are_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "kran.py").write_text(
+        "from models import Joint, Link, Manipulator, serial\n"
+        "def kränchen(*, länge: float = 0.5) -> Manipulator:\n"
+        "    link = Link(2.0, (0.1, 0.0, 0.0), (0.01, 0.05, 0.05))\n"
+        "    return serial([Joint('größe', link=link)], tool=(länge, 0.0, 0.0), name='Müller')\n",
+        encoding="utf-8",
+    )
+    try:
+        assert time_optimal.main(["--with", str(tmp_path / "kran.py"), "--template", "kränchen"]) == 0
+        scene, _ = task_file.of_text(capsys.readouterr().out.replace("0.5 ", "0.7 "), "arm.toml")
+        assert [c.name for c in scene.machine.coordinates] == ["größe"]
+    finally:
+        catalogue._included.clear()
+
+
 def test_an_unknown_machine_has_no_template(capsys: pytest.CaptureFixture[str]) -> None:
     assert time_optimal.main(["--template", "ur6"]) == 2
     said = capsys.readouterr().err
