@@ -17,7 +17,8 @@ from models.plots.studies import is_grid
 from models.plots.study_panels import numeric
 from models.scenes.scene import Scene
 from models.scenes.task import Task
-from ocp import Problem, StudyTable
+from ocp import Problem, Sequence, SequenceSolution, StudyTable
+from ocp.solution.storage import decode
 from ocp.studies.main_effects import influences, jumps
 
 FRAMES, NUMBERS = 31, 60_000  # poses of a motion; coordinates in a page, beyond which motions have fewer poses
@@ -110,9 +111,7 @@ def _motions(table: StudyTable, at: Callable[[int], tuple[Scene, Task]]) -> tupl
     for k in numbers:
         scene, task = at(k)
         problem = task.problem(scene.system)
-        if not isinstance(problem, Problem):
-            return {}, None  # the legs of a sequence are stored apart
-        solution = table.solution(k, problem)
+        solution = table.solution(k, problem) if isinstance(problem, Problem) else _legs(table, k, problem)
         n = 3 * scene.machine.skeleton.shape[1]
         frames = int(np.clip(NUMBERS / (n * len(numbers)) * 3, 8, FRAMES))
         t = np.linspace(0.0, solution.duration, frames)
@@ -131,6 +130,19 @@ def _motions(table: StudyTable, at: Callable[[int], tuple[Scene, Task]]) -> tupl
         drawing.update_layout(scene={f"{c}axis": {"range": [-half, half]} for c in "xyz"})
         drawing.layout.sliders[0].currentvalue = {"prefix": "share of the duration: "}
     return motions, drawing
+
+
+def _legs(table: StudyTable, number: int, problem: Sequence) -> SequenceSolution:
+    """Return the stored motion of a case through points, whose legs are stored apart."""
+    result = table.records[number]
+    assert result is not None
+    legs = []
+    for k, part in enumerate(problem.problems, 1):
+        content = table.read(result.id, f"phase {k}")
+        assert content is not None
+        legs.append(decode(content, part, f"leg {k} of case {number}"))
+    cost, last = sum(leg.cost for leg in legs), legs[-1]
+    return SequenceSolution(tuple(legs), last.status, last.message, last.solver_status, cost, last.timings, 0, problem)
 
 
 def varying(table: StudyTable) -> list[str]:
