@@ -147,8 +147,8 @@ def links(machine: Manipulator, q: Array) -> tuple[Mesh, ...]:
     if not machine.shapes:
         return ()
     ends = ca.horzcat(*(ca.horzcat(shape.start, shape.end) for shape in machine.shapes))
-    places = skeleton(replace(machine, skeleton=ends), q)
+    poses = skeleton(replace(machine, skeleton=ends), q)
     return tuple(
         joined([capsule(pose[2 * k], pose[2 * k + 1], shape.radius) for k, shape in enumerate(machine.shapes)])
-        for pose in places
+        for pose in poses
     )

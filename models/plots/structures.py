@@ -20,7 +20,7 @@ from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.state_constraints import StateLimit, state_limits
 from ocp.solution.structure import Kind, Row
 
-PLACES = np.linspace(0.0, 1.0, 17)  # on each element at which curves are drawn
+SAMPLED = np.linspace(0.0, 1.0, 17)  # on each element at which curves are drawn
 # Of the palette of Okabe and Ito, which the colour-blind tell apart.
 COLOURS = {
     Kind.LOWER: "#56b4e9",
@@ -110,8 +110,8 @@ def structure(solution: Solution, path: File | None = None) -> Figure:
 def along_motion(solution: Solution, problem: Problem) -> tuple[np.ndarray, ...]:
     """Return t, u, switching functions times half the range, H minus its mean, and x, sampled on every element."""
     system = problem.system
-    t, x, _, u = solution.samples(PLACES)
-    costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(PLACES), solution.costates).reshape(len(t), -1)
+    t, x, _, u = solution.samples(SAMPLED)
+    costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(SAMPLED), solution.costates).reshape(len(t), -1)
     parameters = solution.parameters
     low, high = problem.limits(Where.ALONG, system.u)
     half = np.where(np.isfinite(high - low), high - low, np.max(np.abs(u), axis=0)) / 2.0

@@ -36,8 +36,8 @@ def scene_card(
         *entry("parameters", _open(system)),
         *entry("machine", ", ".join(f"{name} {value:.6g}" for name, value in machine.items())),
     ]
-    for number, price in enumerate(prices):
-        lines += entry("" if number else "effects", f"{describe(price.effect)}: {price}")
+    for number, effect in enumerate(prices):
+        lines += entry("" if number else "effects", f"{describe(effect.effect)}: {effect}")
     if not prices:
         lines += entry("effects", "none")
     lines += [

@@ -28,7 +28,7 @@ REGIONS: dict[str, Callable[..., Any]] = {
     for name, thing in vars(regions).items()
     if isinstance(thing, type) and dataclasses.is_dataclass(thing) and hasattr(thing, "within")
 }
-PLACES = {"outside": outside, "inside": inside}
+REGION_SIDES = {"outside": outside, "inside": inside}
 
 
 def load(path: str | Path) -> tuple[Scene, Task]:
@@ -266,7 +266,7 @@ def _obstacle(table: Table, system: System) -> Obstacle:
     if spelled == "signal" and "point" in table.entries and "point" not in names:
         raise table.error("point", "stands beside 'signal'; keep one of them")
     point = table.text(spelled, points, "tool")
-    keep = PLACES[table.text("keep", PLACES, "outside")]
+    keep = REGION_SIDES[table.text("keep", REGION_SIDES, "outside")]
     try:
         region = shape(**values)
         keep(region, system[point])

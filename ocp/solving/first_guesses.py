@@ -18,8 +18,8 @@ from ocp.problem.sequence import Sequence
 from ocp.solving.guess_completion import of_main_states
 from ocp.transcription.guess import Guess
 
-PLACES = 11  # points of a straight line
-SMOOTH_PLACES = 41  # points of a smooth motion
+POINTS = 11  # points of a straight line
+SMOOTH_POINTS = 41  # points of a smooth motion
 STRETCHES = 16  # how often the duration is lengthened at most, until the controls satisfy their bounds
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20  # first duration and smallest factor of one lengthening
 SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # factor and number of shortenings, as long as all limits are satisfied
@@ -44,10 +44,10 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     p = parameters(problem, values)
     duration = _duration(problem)
     first, last, _ = ends(problem, p)
-    share = np.linspace(0.0, 1.0, PLACES)
+    share = np.linspace(0.0, 1.0, POINTS)
     x = first + share[:, None] * (last - first)
-    rates = np.tile((last - first) / duration, (PLACES, 1))
-    return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(PLACES)), duration, np.zeros(0))
+    rates = np.tile((last - first) / duration, (POINTS, 1))
+    return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(POINTS)), duration, np.zeros(0))
 
 
 @of_main_states
@@ -70,7 +70,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
     longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
-    least, function = np.inf, slopes(problem.system).map(SMOOTH_PLACES)
+    least, function = np.inf, slopes(problem.system).map(SMOOTH_POINTS)
     if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
         path, kept = _path(first, last, len(layers)), _keeping(problem, p)
         for count in range(SHORTENINGS if np.any(first != last) else 0):
@@ -115,16 +115,16 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     layers = _layers(problem)
     path = _path(first, last, len(layers))
     low, high = problem.limits(Where.ALONG, problem.system.x)
-    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    share = np.linspace(0.0, 1.0, SMOOTH_POINTS)
     for i in layers[-1] if layers else []:
         height = high[i] - low[i] if np.isfinite(high[i] - low[i]) else _room(problem, path, i)
-        bump = np.zeros(SMOOTH_PLACES)
+        bump = np.zeros(SMOOTH_POINTS)
         for order in (2, 4):  # one or two humps, with value and slope zero at both ends
             bump += random.uniform(-0.5, 0.5) * np.sin(np.pi * share) ** 2 * np.cos((order - 2) * np.pi * share / 2.0)
         path[:, i] = np.clip(path[:, i] + height * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
-    guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_PLACES))
+    guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_POINTS))
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
@@ -138,7 +138,7 @@ def _is_motion(problem: Problem, guess: Guess, p: ca.DM, function: ca.Function) 
 
     Args:
         problem: one phase.
-        guess: at SMOOTH_PLACES times.
+        guess: at SMOOTH_POINTS times.
         p: values of the parameters.
         function: slopes of the system, mapped.
     """
@@ -161,10 +161,10 @@ def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
     limited = [c for c in problem.subject_to if c.where is Where.ALONG]
     low, high = (np.concatenate([getattr(c, side) for c in limited])[:, None] for side in ("lower", "upper"))
     function = ca.Function("limited", [system.x, system.u, system.p], [ca.vertcat(*(c.expression for c in limited))])
-    every = function.map(SMOOTH_PLACES)
+    every = function.map(SMOOTH_POINTS)
 
     def kept(guess: Guess) -> bool:
-        values = np.array(every(guess.x.T, guess.u.T, ca.repmat(p, 1, SMOOTH_PLACES)))
+        values = np.array(every(guess.x.T, guess.u.T, ca.repmat(p, 1, SMOOTH_POINTS)))
         return bool(np.all((values >= low) & (values <= high)))
 
     return kept
@@ -218,7 +218,7 @@ def _drifted(path: Array, ends: tuple[Array, Array], duration: float) -> Array:
 
 def _path(first: Array, last: Array, layers: int) -> Array:
     """Return a path (K, nx) between two states: a quintic, or a septic for more than two integrations."""
-    share = np.linspace(0.0, 1.0, SMOOTH_PLACES)
+    share = np.linspace(0.0, 1.0, SMOOTH_POINTS)
     if layers > 2:
         step = share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
     else:
@@ -230,7 +230,7 @@ def _follow(
     problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
 ) -> Guess:
     """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
-    system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_PLACES), path.copy()
+    system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_POINTS), path.copy()
     if system.t is not None:
         x[:, system.clock] = path[0, system.clock] + share * duration
     still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))

@@ -140,7 +140,7 @@ class Store:
         return None if row is None else bytes(row[0])
 
     def finish(self, study: str, record: CaseResult) -> None:
-        """Store the record of a case with its solutions and delete the claim on it, in one transaction."""
+        """Store the result of a case with its solutions and delete the claim on it, in one transaction."""
         checks.text("study", study)
         checks.instance("record", record, CaseResult, "the CaseResult of a case")
         row = to_row(replace(record, finished=record.finished or now(), host=record.host or self._host))

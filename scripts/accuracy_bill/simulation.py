@@ -27,7 +27,7 @@ from ocp.integrators.contracts import Method
 
 Control = Solution | Callable[[float], Array] | Sequence[float] | Array
 FORMS = {"lagrange": lagrange, "hamel": hamel, "canonical": canonical}
-PLACES = 8  # times, beside the end, at which errors are taken
+TIMES = 8  # times, beside the end, at which errors are taken
 LEVELS = (1e-3, 1e-5, 1e-7, 1e-9)  # errors at which forms are compared
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 STEP_COUNTS = tuple(2**k for k in range(5, 14))  # steps of fixed width over the horizon
@@ -136,7 +136,7 @@ def measure(
     Raises:
         RuntimeError: the reference of a form did not reach the end.
     """
-    times = horizon * np.arange(1, PLACES + 1) / PLACES
+    times = horizon * np.arange(1, TIMES + 1) / TIMES
     references: list[Array] = []
     rougher: list[Array] = []
     for name, (system, x0) in cases.items():

@@ -15,7 +15,7 @@ from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import Panel, time_curves
 from models import Scene
 from models.plots.signals import SHARES, Curves, curves, links, minimised, phases, skeleton
-from models.plots.structures import COLOURS, PLACES, WORDS, along_motion
+from models.plots.structures import COLOURS, SAMPLED, WORDS, along_motion
 from models.scenes.task import Task
 from models.scenes.toml_document import Table
 from ocp import Problem, Report, SequenceSolution, Solution, sensitivity
@@ -173,7 +173,7 @@ def _structure(solution: Solution | SequenceSolution, rows: Sequence[Row]) -> st
     if not rows or not isinstance(solution, Solution) or solution.problem is None:
         return ""
     t, _, values, hamiltonian, _ = along_motion(solution, solution.problem)
-    kept = _kept(len(t), len(PLACES))
+    kept = _kept(len(t), len(SAMPLED))
     t, values, hamiltonian = t[kept], values[kept], hamiltonian[kept]
     labels = solution.problem.system.label("u", values.shape[1])
     panels = []

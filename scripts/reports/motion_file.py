@@ -22,7 +22,7 @@ from reports.fastest_path import Limits, fastest
 TOOL = ("x", "y", "z")  # columns of a path of the tool
 KINDS = ".csv, .txt, .tsv, .mot, .sto, .json, .jsonl, .yaml, .yml or .npz"
 TABLES = (".csv", ".txt", ".tsv")
-PLACES = 401  # of a tool path, through which a path in coordinates is laid
+POINTS = 401  # of a tool path, through which a path in coordinates is laid
 Noise = float | Sequence[float] | None
 Say = Callable[[str], None]
 
@@ -110,7 +110,7 @@ def _tool_route(scene: Scene, points: np.ndarray, branch: str | None) -> Motion:
     path = sampled(points)
     law = Motion.of_time(lambda t: t, path.length, smoothness=4)
     along = along_tool_path(scene.machine, path, law, branch=branch)
-    s = np.linspace(0.0, path.length, PLACES)
+    s = np.linspace(0.0, path.length, POINTS)
     route = Motion.through(s / path.length, along.q(s), ends=natural(5))
     return replace(route, stated=True, notes=along.notes)
 

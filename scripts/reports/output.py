@@ -84,7 +84,7 @@ def working(what: str, shown: bool = True, own_line: bool = False) -> Iterator[N
     Args:
         what: is going on, such as "polishing".
         shown: False shows nothing.
-        own_line: whether the work renews a line of its own on a terminal, as solvers do; then only its end is told.
+        own_line: whether the work renews a line of its own on a terminal, as solvers do; then only its end is shown.
     """
     begun, ended, terminal = time.perf_counter(), threading.Event(), sys.stderr.isatty()
 

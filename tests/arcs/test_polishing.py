@@ -117,7 +117,7 @@ def test_limit_of_speed_is_held_between_the_known_times(up):
 
 
 def costates(solution):
-    """Return places, seen from inside their elements, and the costates there."""
+    """Return points, seen from inside their elements, and the costates there."""
     tau = np.array([0.1, 0.5, 0.9])
     found = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates)
     return solution.samples(tau)[0], found.reshape(-1, solution.costates.shape[2])

@@ -138,7 +138,7 @@ def test_names_that_are_taken(form):
         (Heating("temperature", "other"), "state 'temperature'"),
         (Heating("other", "losses"), "signal 'losses'"),
         (Heating("other", "energy"), "signal 'energy'"),
-        (Heating("losses", "other"), "'losses'"),  # a state in the place of a signal
+        (Heating("losses", "other"), "'losses'"),  # a state in the centre of a signal
         (Heating("power", "other"), "'power'"),
     ):
         with pytest.raises(ValueError, match=f"(two effects define|an effect defines) the .*{kind}"):
@@ -189,10 +189,10 @@ def test_field_of_any_direction(name):
     q, v, _ = states(arm)
     direction = np.array([0.3, -0.5, -0.7])
     field = 9.7 * direction / np.linalg.norm(direction)
-    places = evaluate([arm.q], [body.centre for body in arm.bodies[1:]], q)
+    centres = evaluate([arm.q], [body.centre for body in arm.bodies[1:]], q)
     masses = arm.nominal["m_2"], arm.nominal["m_3"]
-    expected = sum(-m * field @ place for m, place in zip(masses, places, strict=True))
-    size = 9.7 * sum(m * np.linalg.norm(place, axis=0) for m, place in zip(masses, places, strict=True))
+    expected = sum(-m * field @ centre for m, centre in zip(masses, centres, strict=True))
+    size = 9.7 * sum(m * np.linalg.norm(centre, axis=0) for m, centre in zip(masses, centres, strict=True))
     for scale in (1.0, 250.0):  # the length of the direction does not matter
         effects = [Gravity(9.7, tuple(scale * direction))]
         system = lagrange(arm, effects)

@@ -35,7 +35,7 @@ def thin_arm(own: float = 0.0) -> Manipulator:
 
 # Machine, position at the singularity, position away from it, the coordinate named and a parameter that cures it.
 Singular = tuple[Callable[..., Manipulator], list[float], list[float], str, str]
-PLACES: tuple[Singular, ...] = (
+SINGULAR_POSES: tuple[Singular, ...] = (
     (light_column, [0.0, 0.2, 0.1, 0.8], [0.9, 0.2, 0.1, 0.8], "psi", "Theta_1_33 or Theta_2_33"),
     (light_column, [np.pi, 0.2, 0.1, 0.8], [2.2, 0.2, 0.1, 0.8], "psi", "Theta_1_33 or Theta_2_33"),
     (point_on_axis, [0.3, 0.1, 0.0], [0.3, 0.1, 0.7], "phi", "Theta_1_33, Theta_2_33 or Theta_3_33"),
@@ -51,7 +51,7 @@ def names(words: str, machine: Manipulator, coordinate: str, cure: str) -> bool:
 
 def simulated() -> Iterator[Figure]:
     """Yield 0 where a motion that starts at a singularity does not start, and says why."""
-    for make, at, _, coordinate, cure in PLACES:
+    for make, at, _, coordinate, cure in SINGULAR_POSES:
         machine = make()
         for form in FORMS:
             system = form(machine, [Gravity()])
@@ -65,7 +65,7 @@ def run_into() -> Iterator[Figure]:
 
     With no momentum about the coordinate the way through is smooth; with some of it the motion turns back before.
     """
-    for make, at, away, coordinate, cure in PLACES:
+    for make, at, away, coordinate, cure in SINGULAR_POSES:
         machine = make()
         system = lagrange(machine, [Gravity()])
         speed = (np.array(at) - np.array(away)) / 0.2
@@ -81,7 +81,7 @@ def run_into() -> Iterator[Figure]:
 
 def solved() -> Iterator[Figure]:
     """Yield 0 where a solve from a singularity fails by value with the sentence and finite states, verify included."""
-    for make, at, away, coordinate, cure in PLACES:
+    for make, at, away, coordinate, cure in SINGULAR_POSES:
         machine = make()
         for form in FORMS:
             task = point_to_point(form(machine, [Gravity()]), at, away, tau=400.0)
@@ -94,7 +94,7 @@ def solved() -> Iterator[Figure]:
 
 def torques() -> Iterator[Figure]:
     """Yield how far the torques at a singularity are from those beside it: nothing is inverted, nothing is singular."""
-    for make, at, _, _, _ in PLACES:
+    for make, at, _, _, _ in SINGULAR_POSES:
         function = inverse_dynamics(make(), [Gravity()])
         n = len(at)
         v, a = np.linspace(0.5, 1.0, n), np.linspace(-1.0, 2.0, n)
@@ -124,7 +124,7 @@ def nowhere() -> Iterator[Figure]:
 
 def cured() -> Iterator[Figure]:
     """Yield 0 where an effect with inertia lifts the singularity."""
-    for make, at, _, _, _ in PLACES:
+    for make, at, _, _, _ in SINGULAR_POSES:
         rotors = RotorInertia(1e-4, tuple([70.0] * len(at)))
         system = canonical(make(), [Gravity(), rotors])
         got = simulate(system, [*at, *[0.0] * len(at)], np.ones(len(at)), 0.1)

@@ -17,7 +17,7 @@ from ocp import Bolza, Free, Ipopt, Problem, Solution, System, point_to_point, p
 
 GRID = uniform(40)
 TOL = Ipopt().tol
-COST = 8.0  # magnitude of the cost in the NLP (ocp.scaling)
+COST = 8.0  # scale of the cost in the NLP (ocp.scaling)
 SHARE = np.linspace(0.0, 1.0, 21)
 
 
@@ -77,7 +77,7 @@ class Motion:
         return np.array([units.of(coordinate.unit) for coordinate in self.machine().coordinates])
 
 
-# Two axes of the cylindrical arm do not decide the time; with a price on the drives its motion is the only one.
+# Two axes of the cylindrical arm do not decide the time; with a penalty on the drives its motion is the only one.
 MOTIONS = {
     "cylindrical": Motion(
         cylindrical, lagrange, (0.0, 0.2, 0.6), (2.0, 0.8, 0.8), (150.0, 900.0, 300.0),

@@ -17,7 +17,7 @@ none = ca.SX(0, 1)
 
 
 def test_the_chains_of_the_midpoint_rule_do_not_part_at_a_thin_layer():
-    # Even and odd places on their own sides of v = 0 make an extrapolation that agrees with itself and is wrong.
+    # Even and odd steps on their own sides of v = 0 make an extrapolation that agrees with itself and is wrong.
     system = lagrange(cylindrical(), [Gravity(), Coulomb((5.0, 10.0, 10.0), 1e-6)])
     x0 = [0.0, 0.0, 0.5, 1.0, 0.3, -0.2]
     found, other = (

@@ -52,14 +52,14 @@ def test_prices_are_differences_of_counts(make, form):
     effects = (Gravity(), Payload(2.0, (0.02, 0.1, 0.0)), Viscous(0.5), RotorInertia(1e-4), LaggedDrive(0.02))
     scene = Scene(make(), effects, form)
     assert scene.instructions == count(make(), effects, form)
-    for k, price in enumerate(scene.prices):
+    for k, added in enumerate(scene.prices):
         rest = effects[:k] + effects[k + 1 :]
-        assert price.instructions == count(make(), effects, form) - count(make(), rest, form)
+        assert added.instructions == count(make(), effects, form) - count(make(), rest, form)
     n = len(make().coordinates)
-    assert [price.states for price in scene.prices] == [0, 0, 0, 0, n]
-    for price in scene.prices:
-        assert f"{price.name} (" in str(scene)
-        assert f"{price.instructions:+d} instruction" in " ".join(str(scene).split())
+    assert [added.states for added in scene.prices] == [0, 0, 0, 0, n]
+    for added in scene.prices:
+        assert f"{added.name} (" in str(scene)
+        assert f"{added.instructions:+d} instruction" in " ".join(str(scene).split())
 
 
 def test_an_effect_that_another_needs_has_a_reason_for_its_price():
@@ -205,7 +205,7 @@ def test_every_effect_of_the_template_can_be_switched_on(effect):
     if effect == "joint_stop":
         text = re.sub(r"# upper = \.\.\. +#.*", "upper = 2.0", text)
     scene, _ = task_file.of_text(text, "torus")
-    assert effect in [price.name for price in scene.prices]
+    assert effect in [added.name for added in scene.prices]
 
 
 @pytest.mark.slow

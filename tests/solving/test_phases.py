@@ -151,7 +151,7 @@ def test_an_obstacle_changes_the_path(kind: str) -> None:
     assert not verify(around).failures
     tool = around.signal("tool", np.linspace(0.0, around.duration, 2001))
     apart = tool - middle
-    # Between two places that keep clear, a path bent the other way with the same radius cuts twice the sagitta.
+    # Between two points that keep clear, a path bent the other way with the same radius cuts twice the sagitta.
     chord = np.linalg.norm(np.diff(around.signal("tool", around.t), axis=0), axis=1).max()
     sagitta = 2.0 * chord**2 / (8.0 * 0.12**2)
     # Written out again for each region: the distance of the true region, not of its rounded one.

@@ -146,10 +146,10 @@ def test_laps_are_closed():
 
 
 def test_an_unknown_parameter_is_one_number_for_all_phases():
-    """Two metres in two stops take 4 sqrt(m); a price of 2^2.5 / m on the mass makes 2 kg the best one."""
+    """Two metres in two stops take 4 sqrt(m); a penalty of 2^2.5 / m on the mass makes 2 kg the best one."""
     stops = along(M, 1.0, 5.0), along(U, -1, 1)
-    price = Bolza(time=1.0, final=2.0**2.5 / M)
-    one = Problem(AXIS, minimise=price, subject_to=(start(X, 0.0), end(X, [1.0, 0.0]), *stops))
+    penalised = Bolza(time=1.0, final=2.0**2.5 / M)
+    one = Problem(AXIS, minimise=penalised, subject_to=(start(X, 0.0), end(X, [1.0, 0.0]), *stops))
     other = Problem(AXIS, subject_to=(end(X, [2.0, 0.0]), *stops))
     result = solve(Sequence((one, other)), grid=uniform(20))
     assert result.ok
