@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from models.effects.effect_fields import Some, bounded, names_of, quantity, read_fields, units_of
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Value
-from models.mechanics.contributions import Sizes
-from models.mechanics.terms import Quantity, Rate, Read, Source, State, Terms
+from models.mechanics.contributions import Contribution, Sizes, SolvedMotion, values_of
+from models.mechanics.terms import Effect, Quantity, Rate, Read, Source, State, Terms
 
 RAMP = 0.02  # usual time from no torque to the largest one [s]
+STILL = 1e-9  # share of the largest torque below which a torque does not change
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,15 @@ class TorqueRate:
     def typical(cls, sizes: Sizes) -> TorqueRate:
         """Return drives that reach their largest torque within 20 ms."""
         return cls(tuple(torque / RAMP for torque in sizes.torque))
+
+    def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
+        """Return the largest share of the limits that the torques of the motion ask for, infinite where one jumps."""
+        limits = values_of(self, "rate", sizes.machine)[:, None]
+        changes, steps = np.abs(np.diff(motion.tau, axis=1)), np.diff(motion.t)
+        moved = changes > STILL * np.max(np.abs(motion.tau))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.where(moved, changes / steps / limits, 0.0)
+        return Contribution(np.zeros_like(motion.tau), float(np.nanmax(shares, initial=0.0)), "share of the rates")
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the states, the drive and its limits."""

@@ -6,6 +6,7 @@ import pytest
 from models import Joint, Kind, Link, Parameter, cylindrical, path_through, serial
 from models.effects import Gravity, LaggedDrive, MotionLimits, TorqueRate
 from models.forms import canonical, hamel, lagrange
+from models.mechanics.contributions import Sizes, SolvedMotion
 from models.motions.path_timing import path_system
 from models.scenes.task_file import of_text
 from models.scenes.toml_document import SceneError
@@ -107,3 +108,18 @@ def test_keys_of_a_scene_file():
     assert np.max(np.abs(solution.signal("acceleration", solution.t)).T[0]) < 8.0 * 1.02
     with pytest.raises(SceneError, match="acceleration"):
         of_text(SCENE.format(acceleration="-1.0"), "scene.toml")
+
+
+def test_the_share_of_a_rate_is_that_of_the_steepest_torque_and_infinite_at_a_jump():
+    arm, t = cylindrical(), np.array([0.0, 0.5, 1.0, 1.0, 2.0])
+    still = np.zeros((3, 5))
+    ramp = np.vstack([np.zeros(5), 100.0 * t, 30.0 * t])
+    sizes = Sizes.of(arm, ramp, still)
+    motion = SolvedMotion(t, still, still, still, ramp, {})
+    effect = TorqueRate((10.0, 200.0, 40.0))
+    part = effect.contribution(sizes, motion, [])
+    assert part.use == pytest.approx(0.75)
+    assert not part.torque.any()
+    assert TorqueRate((None, 200.0, None)).contribution(sizes, motion, []).use == pytest.approx(0.5)
+    jump = ramp + np.outer([0.0, 0.0, 1.0], [0, 0, 0, 5, 5])
+    assert effect.contribution(sizes, SolvedMotion(t, still, still, still, jump, {}), []).use == np.inf
