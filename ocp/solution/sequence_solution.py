@@ -83,7 +83,8 @@ class SequenceSolution:
         for name in dict.fromkeys(row.name for row in shifted):
             for row in (row for row in shifted if row.name == name):
                 last = rows[-1] if rows else None
-                if last and (last.name, last.kind) == (name, row.kind) and last.end == row.start < row.end:
+                goes_on = last is not None and (last.name, last.kind) == (name, row.kind) and row.start < row.end
+                if last is not None and goes_on and row.start - last.end <= OUTSIDE * self.duration:
                     rows[-1] = last._replace(end=row.end)
                 else:
                     rows.append(row)
