@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -14,10 +14,10 @@ from models.motions.coordinate_labels import labels_of
 from models.motions.motion import Motion
 from models.motions.piecewise import Piecewise
 from models.motions.recording import check_rows
-from models.motions.splines import at_rest, interpolate
+from models.motions.splines import Ends, at_rest, interpolate
 from models.motions.timing_laws import Composed, check_law
 from models.motions.tool_branches import COARSE, follow
-from models.motions.tool_paths import Polynomial, ToolPath
+from models.motions.tool_paths import Polynomial, ToolPath, is_moving_at_its_ends
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
@@ -113,14 +113,17 @@ def through_tool_points(
     hold: Mapping[str, float] | None = None,
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     branch: str | None = None,
+    ends: Ends | None = None,
 ) -> Motion:
-    """Return the motion whose tool passes points at given times, along a quintic spline from rest to rest.
+    """Return the motion whose tool passes points at given times, along a quintic spline.
 
     Args:
         machine: with inverse kinematics.
         times: (K,) increasing [s], counted from the first.
         points: (K, 3) of the tool [m].
         near, hold, limits, branch: as for `along_tool_path`.
+        ends: of the spline, such as not_a_knot() for points of a motion that goes on; None: from rest to rest, with a
+            note if the points move at their ends.
 
     Raises:
         ValueError: as `along_tool_path`; shapes that disagree, times that do not increase.
@@ -129,11 +132,15 @@ def through_tool_points(
     if given.q.shape[1] != 3:
         raise ValueError(f"points: got the shape {given.q.shape}, expected (K, 3)")
     since = given.t - given.t[0]
-    path = Polynomial(interpolate(since, given.q, 5, at_rest(5)), float(since[-1]))
+    path = Polynomial(interpolate(since, given.q, 5, at_rest(5) if ends is None else ends), float(since[-1]))
     # The time itself is the parameter of the path.
     law = Motion.of_time(lambda t: t, path.length, smoothness=4)
     check_machine(machine)
-    return _along(machine, path, law, Choice.of(machine, near, limits, branch), hold, since)
+    motion = _along(machine, path, law, Choice.of(machine, near, limits, branch), hold, since)
+    if ends is None and is_moving_at_its_ends(given.t, given.q):
+        note = "the points move at their ends, but are passed from rest to rest: torques there are those of a jerk"
+        return replace(motion, notes=(*motion.notes, f"{note}; ends=not_a_knot() avoids it"))
+    return motion
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,8 @@ from ocp.checks import Array
 
 Point = Sequence[float] | Array
 
+SEVERAL = 20  # points from which the first steps show whether a motion begins at rest
+
 
 class ToolPath(Protocol):
     """A curve x(s), s from 0 to its length [m]."""
@@ -113,3 +115,19 @@ def sampled(points: Sequence[Point] | Array) -> Polynomial:
 
 def _point(name: str, value: Point) -> Array:
     return checks.column(name, value, 3, "a point (x, y, z) in m")
+
+
+def is_moving_at_its_ends(t: Array, points: Array) -> bool:
+    """Whether samples of a motion begin or end in full motion; never for a few points.
+
+    Args:
+        t: (K,) increasing [s].
+        points: (K, m).
+    """
+    if len(t) < SEVERAL:
+        return False
+    speed = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(t)
+    # From rest, the first step is a fraction of the second one.
+    moving = [one > 0.6 * next_one and one > 0.02 * np.max(speed)
+              for one, next_one in ((speed[0], speed[1]), (speed[-1], speed[-2]))]  # fmt: skip
+    return any(moving)

@@ -140,10 +140,14 @@ class CaseSolver:
                 raise ValueError(f"not solved from its neighbour: {note}")
             return replace(result, note=note)
         if result is None and task.thorough and task.neighbour is not None:
-            continued = self._continued(task.case, task.neighbour)
+            near = task.neighbour
+            continued = self._continued(task.case, near.case, lambda own: decode(near.content, own, near.id))
             result = self._polished(task, continued, "continued") if continued is not None else None
         if result is None:
-            return replace(self._polished(task, prepared(ladder, values), "cold"), note=note)
+            cold = prepared(ladder, values)
+            if task.thorough and not cold.ok and (continued := self._from_nominal(task.case, problem, values)):
+                return replace(self._polished(task, continued, "continued"), note=note)
+            return replace(self._polished(task, cold, "cold"), note=note)
         if not self.settings.neighbours or not is_checked(task.id, self.settings.checked) or result.way == "cold":
             return replace(result, note=note)
         return replace(self._better(task, result, prepared(ladder, values)), note=note)
@@ -169,19 +173,36 @@ class CaseSolver:
             return self._polished(task, warm, "warm"), note
         return None, f"{note}; warm start: {warm.message}".removeprefix("; ")
 
-    def _continued(self, case: Case, neighbour: SolvedCase) -> Solution | None:
-        """Return the solution of a case at the end of a path of cases from a neighbour, each started from the last one.
+    def _from_nominal(self, case: Case, problem: Problem, values: Mapping[str, float]) -> Solution | None:
+        """Return the solution of a case by continuation from the nominal values of its parameters, None if it fails."""
+        nominal = problem.system.nominal
+        first = {**case, **{name: float(nominal[name]) for name in values if name in nominal}}
+        if first == dict(case):
+            return None
+        start, at = call(self.settings.function, first)
+        solved = self._nlp(start, at)(DEFAULT, at)
+        if not (isinstance(solved, Solution) and solved.ok):
+            return None
+        return self._continued(case, first, lambda _: solved)
+
+    def _continued(self, case: Case, first: Case, found: Callable[[Problem], Solution]) -> Solution | None:
+        """Return the solution of a case at the end of a path of cases, each started from the last one.
 
         The path is straight in the values of the cases; a step that fails is halved. None if it becomes too short.
+
+        Args:
+            case: at the end of the path.
+            first: solved case at its beginning.
+            found: of the problem of the first step; returns the solution of the first case.
         """
         solution: Solution | None = None
         done, step = 0.0, 0.5  # the whole step has failed before
         while done < 1.0:
             share = min(1.0, done + step)
-            problem, values = call(self.settings.function, between(neighbour.case, case, share))
+            problem, values = call(self.settings.function, between(first, case, share))
             if not isinstance(problem, Problem):
                 return None
-            near = solution if solution is not None else decode(neighbour.content, problem, neighbour.id)
+            near = solution if solution is not None else found(problem)
             tried = self._nlp(problem, values).proceed(near, values)
             if isinstance(tried, Solution) and tried.ok:
                 solution, done = tried, share

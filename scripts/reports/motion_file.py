@@ -13,7 +13,8 @@ from models.motions.coordinate_labels import labels_of
 from models.motions.csv_tables import column_names, read_csv, read_waypoints
 from models.motions.opensim_tables import read_opensim
 from models.motions.recording import Recording
-from models.motions.splines import natural
+from models.motions.splines import natural, not_a_knot
+from models.motions.tool_paths import is_moving_at_its_ends
 from models.scenes import catalogue
 from ocp import load
 from ocp.system import Label
@@ -75,8 +76,12 @@ def read_motion(path: Path, scene: Scene, reading: Reading) -> Motion:
         if not set(TOOL) <= set(names):
             return Motion.from_csv(path, machine, noise=reading.noise, joints=reading.joints)
         points = read_csv(path, [Label(axis, "m") for axis in TOOL])
-        motion = through_tool_points(machine, points.t, points.q, branch=reading.branch)
-        return replace(motion, notes=(*points.notes, *motion.notes))
+        moving = is_moving_at_its_ends(points.t, points.q)
+        motion = through_tool_points(
+            machine, points.t, points.q, branch=reading.branch, ends=not_a_knot() if moving else None
+        )
+        notes = ["the points of the tool move at their ends: no rest is assumed there"] if moving else []
+        return replace(motion, notes=(*points.notes, *notes, *motion.notes))
     return _waypoints(path, names, scene, reading)
 
 

@@ -9,7 +9,9 @@ import pytest
 from catalogue.studies import QUIET, cart, carts
 
 from ocp import Bolza, Fixed, Problem, Study, System, along, start, uniform
-from ocp.studies.case_solver import CaseSolver, OpenCase, SolvedCase
+from ocp.solution.solution import Status
+from ocp.solution.storage import decode
+from ocp.studies.case_solver import CaseSolver, OpenCase
 from ocp.studies.main_effects import jump_pairs, jumps
 from ocp.studies.neighbour_check import unchecked_jumps
 from ocp.studies.warm_start_tree import between, nearest
@@ -110,11 +112,38 @@ def test_a_case_that_no_direct_start_reaches_is_reached_in_halved_steps(reach, s
             return replace(near, values=values) if ok else SimpleNamespace(ok=False)
 
     monkeypatch.setattr(CaseSolver, "_nlp", lambda *_: Short())
-    neighbour = SolvedCase(table.records[0].id, {"mass": 1.0}, table.read(table.records[0].id, "solution"))
-    solution = solver._continued({"mass": 2.0}, neighbour)
+    content = table.read(table.records[0].id, "solution")
+    solution = solver._continued({"mass": 2.0}, {"mass": 1.0}, lambda own: decode(content, own, "first"))
     assert (solution is None) == (steps is None)
     if steps:
         assert seen == [1.0 + k / steps for k in range(steps + 1)]
+
+
+def test_a_single_case_is_reached_from_the_nominal_values_of_its_parameters(tmp_path, monkeypatch):
+    """Cold starts succeed near the nominal mass of 1 only, and no step of the mass may be longer than 1."""
+    study = carts(over={"mass": [3.0]}, store=tmp_path / "s.db")
+    whole, build = carts(over={"mass": [3.0]}).run(), CaseSolver._nlp
+
+    def guarded(self, problem, values):
+        prepared, mass = build(self, problem, values), values["mass"]
+
+        class Guarded:
+            def __call__(self, ladder, values):
+                found = prepared(ladder, values)
+                return found if abs(mass - 1.0) < 0.1 else replace(found, status=Status.INFEASIBLE)
+
+            def proceed(self, near, values):
+                found = prepared.proceed(near, values)
+                return found if abs(mass - near.values["mass"]) <= 1.0 else replace(found, status=Status.INFEASIBLE)
+
+        return Guarded()
+
+    monkeypatch.setattr(CaseSolver, "_nlp", guarded)
+    assert list(study.run().failures) == [0]
+    table = study.run(retry_failed=True)
+    assert table.ok.all()
+    assert table["way"][0] == "continued"
+    np.testing.assert_allclose(table["duration"], whole["duration"], rtol=1e-8)
 
 
 def test_a_failed_case_is_retried_from_its_nearest_solved_neighbour(tmp_path, monkeypatch):
