@@ -6,7 +6,7 @@ from ocp.accuracy.report import Report
 from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
 from ocp.accuracy.verification import verify
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
-from ocp.arcs.least_effort import gentlest
+from ocp.arcs.least_effort import gentle, gentlest
 from ocp.arcs.polishing import polish
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.constraints import Constraint, along, end, integral, periodic, start
@@ -53,8 +53,8 @@ __all__ = [
     "SequenceSolution", "Share", "Signal",
     "Smooth", "Sobol", "Solution", "Status", "Store", "StoreError", "StraightLine", "Structure", "Study",
     "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end",
-    "estimate", "extend", "gentlest", "given", "inside", "integral", "integrators", "legendre", "load", "lobatto",
-    "multistart", "outside", "periodic", "point_to_point", "polish", "positive_part", "prepare",
+    "estimate", "extend", "gentle", "gentlest", "given", "inside", "integral", "integrators", "legendre", "load",
+    "lobatto", "multistart", "outside", "periodic", "point_to_point", "polish", "positive_part", "prepare",
     "prepare_structure", "radau", "save", "sensitivity", "simulate", "smooth", "solve", "solve_to_accuracy",
     "start", "straight_line", "sweep", "time_derivative", "uniform", "verify",
 ]  # fmt: skip

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
@@ -21,6 +22,8 @@ from ocp.solving.ipopt import Ipopt
 from ocp.solving.solver import solve
 
 WEIGHT = 1e-4  # of the effort of all controls at their limits, share of the cost
+GENTLE = 1e-2  # the same where few iterations matter more
+SLACK, INSIDE = 1e-2, 0.98  # shares: a switching function below that of its scale vanishes, a control of its limit
 
 
 def gentlest(
@@ -65,6 +68,51 @@ def gentlest(
     return replace(without_effort(result, problem), message=f"{result.message}; gentlest")
 
 
+def gentle(problem: Problem, weight: float = GENTLE) -> Problem:
+    """Return a problem of minimum time with a small cost on effort, which determines controls with slack.
+
+    c T + weight c integral of mean_i (u_i / limit_i)^2 dt, c the weight of the time,
+
+    over the limited controls that enter the Hamiltonian linearly. While one drive of a machine sets the time, the
+    others have infinitely many optimal controls, among which a solver wanders: with many axes and speed limits this
+    problem takes a fraction of the iterations. The duration rises by at most weight times the share of the effort that
+    is saved.
+
+    Args:
+        problem: with a cost on the duration.
+        weight: of the effort of all controls at their limits, in seconds per second.
+
+    Raises:
+        TypeError: no Problem.
+        ValueError: the cost has no weight of the duration, no control is undetermined, or weight is not > 0.
+    """
+    checks.instance("gentle: problem", problem, Problem, "a Problem")
+    checks.number("gentle: weight", weight, "a number > 0", above=0.0)
+    cost = problem.minimise
+    if not cost.time > 0.0:
+        raise ValueError("gentle: the cost has no weight of the duration, expected a problem such as minimum time")
+    if len(undetermined(problem)) == 0:
+        raise ValueError("gentle: the cost determines all limited controls already; solve the problem as it is")
+    return replace(problem, minimise=replace(cost, running=cost.running + weight * cost.time * _effort(problem)))
+
+
+def slack(problem: Problem, solution: Solution) -> str:
+    """Return a sentence on controls that the cost does not determine for a part of the motion; empty if there are none.
+
+    Such a control is between its limits while its switching function vanishes.
+    """
+    _, x, _, u = solution.samples(solution.scheme.points)
+    functions = switching_functions(problem, x, u, solution.costates.reshape(len(x), -1), solution.parameters)
+    weights = (solution.grid.widths[:, None] * solution.scheme.weights).ravel()
+    loose = (np.abs(functions.shares) < SLACK) & (np.abs(u) < INSIDE * scales(problem))
+    labels = problem.system.label("u", u.shape[1])
+    parts = [(float(weights @ loose[:, i]), labels[i].name) for i in undetermined(problem)]
+    named = [f"{name} ({share:.0%})" for share, name in sorted(parts, reverse=True) if share > SLACK]
+    if not named:
+        return ""
+    return f"the cost does not determine {', '.join(named)} of the motion; gentlest(...) does"
+
+
 def undetermined(problem: Problem) -> Array:
     """Return the indices of the limited controls that the Hamiltonian is linear in."""
     curvature = hamiltonian_of(problem).curvature
@@ -90,14 +138,17 @@ def with_effort(problem: Problem, solution: Solution, weight: float) -> Problem:
         solution: sets the scale, J* / T*.
         weight: share of the cost.
     """
-    chosen = undetermined(problem)
-    if len(chosen) == 0:
+    if len(undetermined(problem)) == 0:
         return problem
     share = weight * max(abs(solution.cost), abs(problem.minimise.time) * solution.duration) / solution.duration
-    limit, u = scales(problem), problem.system.u
-    effort = sum((((u[int(i)] / limit[i]) ** 2) for i in chosen), ca.SX(0)) / len(chosen)
-    cost = problem.minimise
+    effort, cost = _effort(problem), problem.minimise
     return replace(problem, minimise=Bolza(cost.time, cost.running + share * effort, cost.final))
+
+
+def _effort(problem: Problem) -> ca.SX:
+    """Return the mean of (u_i / limit_i)^2 of the undetermined controls."""
+    chosen, limit, u = undetermined(problem), scales(problem), problem.system.u
+    return sum((((u[int(i)] / limit[i]) ** 2) for i in chosen), ca.SX(0)) / len(chosen)
 
 
 def without_effort(result: Solution, problem: Problem) -> Solution:

@@ -13,7 +13,7 @@ import numpy as np
 from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
 from ocp.arcs.detection import read
-from ocp.arcs.least_effort import with_effort, without_effort
+from ocp.arcs.least_effort import slack, with_effort, without_effort
 from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.moving_grid import SETTINGS as MOVING
 from ocp.arcs.moving_grid import move_grid
@@ -125,9 +125,10 @@ def polish(
         reason = loose[0]
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
+    open_controls = slack(problem, solution)
     result = _on_moved_grid(solution, coarse, problem, budget)
     budget.show("")
-    return _unpolished(result, reason)
+    return _unpolished(result, f"{reason}; {open_controls}" if open_controls else reason)
 
 
 def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:

@@ -88,11 +88,11 @@ def named_motions() -> Iterator[ArmMotion]:
 
 def random_motions(count: int, seed: int = 20261130) -> Iterator[ArmMotion]:
     """Yield random motions of UR5 and Panda, ends uniform within 80 % of the range of every joint, at most +-2 rad."""
-    for number, (name, make) in enumerate((("UR5", robots.ur5), ("Panda", robots.panda))):
-        low, high = (np.array(ends) for ends in make().limits["q"])
-        middle, half = (low + high) / 2.0, np.minimum(0.4 * (high - low), SPAN)
-        rng = np.random.default_rng([seed, number])
-        for k in range(count):
+    for k in range(count):
+        for number, (name, make) in enumerate((("UR5", robots.ur5), ("Panda", robots.panda))):
+            low, high = (np.array(ends) for ends in make().limits["q"])
+            middle, half = (low + high) / 2.0, np.minimum(0.4 * (high - low), SPAN)
+            rng = np.random.default_rng([seed, number, k])
             begin, finish = (middle + half * rng.uniform(-1.0, 1.0, len(low)) for _ in range(2))
             yield ArmMotion(f"{name} random {k:02d}", make, begin.tolist(), finish.tolist())
 

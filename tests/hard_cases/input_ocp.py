@@ -216,6 +216,7 @@ def solves() -> tuple[Call, ...]:
         Call("ocp.polish", ocp.polish, {
             **both, "scheme": A(ocp.radau(3, Control.COLLOCATED), OPTIONAL), "solver": A(None, OPTIONAL),
             "seconds": A(9.0, BOUND)}),
+        Call("ocp.gentle", ocp.gentle, {"problem": A(problem), "weight": A(1e-2, POSITIVE)}),
         Call("ocp.gentlest", ocp.gentlest, {**both, "weight": A(1e-4, POSITIVE), "solver": A(None, OPTIONAL)}),
         Call("ocp.verify", ocp.verify, both), Call("ocp.estimate", ocp.estimate, both),
         Call("ocp.smooth", ocp.smooth, {"problem": A(problem), "values": A([9.81], REAL)}),
