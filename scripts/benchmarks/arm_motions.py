@@ -29,7 +29,7 @@ from ocp import (
 
 ELEMENTS = 50
 TOLERANCE, SECONDS = 1e-4, 60.0  # of the refinement of random tasks [s], and its limit of wall-clock time [s]
-FRICTION = 0.03, 0.01, 0.01  # Coulomb force and viscous force at 1 rad/s, shares of the effort; width [rad/s]
+FRICTION = 0.03, 0.01, 0.1  # Coulomb force and viscous force at 1 rad/s, shares of the effort; width [rad/s]
 LOAD = 2.0  # [kg]
 BALL = 0.25  # radius of the obstacle, share of the distance between the ends of the tool
 SPAN = 2.0  # largest distance of random ends from the middle of the range of a joint [rad]
