@@ -209,7 +209,7 @@ def motions() -> tuple[Call, ...]:
             "machine": A(arm), "path": A(line), "law": A(law), **inverse}),
         Call("models.through_tool_points", models.through_tool_points, {
             "machine": A(arm), "times": A([0.0, 1.0]),
-            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]]), **inverse}),
+            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]]), "ends": A(None, OPTIONAL), **inverse}),
     )  # fmt: skip
 
 

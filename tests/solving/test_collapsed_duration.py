@@ -70,6 +70,7 @@ def test_a_collapsed_solution_is_failed_and_says_so():
     assert brief.duration == pytest.approx(2e-6, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_message_of_a_collapse_has_a_cure(monkeypatch):
     # The guess of a vanishing duration that used to be made.
     problem = quadrotor((5.0, 0.0))

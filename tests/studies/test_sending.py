@@ -38,7 +38,7 @@ def test_a_closure_is_refused_before_anything_is_stored_where_it_cannot_be_sent(
     monkeypatch.setitem(sys.modules, "cloudpickle", None)
     study = Study(doubled(2.0), over={"x": [1.0, 2.0]}, store=tmp_path / "s.db")
     with pytest.raises(
-        NotSentError, match=r"cannot be sent to another process.*move it to a module.*hamel\[notebook\]"
+        NotSentError, match=r"cannot be sent to another process.*move it to a module.*pip install cloudpickle"
     ):
         study.run(pool(method))
     assert study.table().records == (None, None)
@@ -139,7 +139,9 @@ def _until(condition, seconds):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method", [pytest.param(method, marks=[] if method == "fork" else pytest.mark.slow) for method in METHODS]
+)
 def test_workers_end_when_their_parent_is_killed(method, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(PARENT.format(method=method, folder=str(tmp_path)))
