@@ -18,9 +18,10 @@ from ocp.problem.sequence import Sequence
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.storage import encode
+from ocp.studies.case_call import call
 from ocp.studies.case_result import CaseResult
 from ocp.studies.case_slopes import slopes
-from ocp.studies.case_solver import CaseSolver, OpenCase, StudySettings, call
+from ocp.studies.case_solver import CaseSolver, OpenCase, StudySettings
 from ocp.studies.content_hash import as_json
 from ocp.studies.default_measures import named_numbers
 from ocp.studies.sending import end_with_parent

@@ -18,7 +18,7 @@ import numpy as np
 from reports import study_file
 
 from ocp import Ipopt, Solution, Study, StudyTable, radau, solve, uniform
-from ocp.studies.case_solver import call
+from ocp.studies.case_call import call
 
 FILE = Path(__file__).resolve().parents[1] / "scenes" / "study.toml"
 ROUNDS = 5  # single solves before, and as many after
