@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"hamel: no command {name!r}; there are {', '.join(COMMANDS)}{advice}", file=sys.stderr)
         return 2
     module, options, _ = COMMANDS[name]
-    sys.argv[0] = f"hamel {name}"
+    sys.argv = [f"hamel {name}", *rest]
     options = () if {"-h", "--help"} & set(rest) else options
     status: int = importlib.import_module(module).main([*options, *rest])
     return status

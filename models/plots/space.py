@@ -28,7 +28,7 @@ class Surface:
 
 
 def bounds(corners: Array) -> tuple[Array, float]:
-    """Return the middle (3,) and half the width [m] of a cube around all poses (K, k, 3)."""
+    """Return the middle (3,) and half the width [m] of a cube around all points (..., 3)."""
     points = corners.reshape(-1, 3)
     middle = (points.max(axis=0) + points.min(axis=0)) / 2.0
     return middle, max(float(np.ptp(points, axis=0).max()) / 2.0, 1e-6) * 1.05
@@ -64,7 +64,7 @@ def draw_space(
         via: (m, 3) points that the tool passes [m], or None.
         links: surfaces of the links at the start and at the goal.
     """
-    middle, half = bounds(corners)
+    middle, half = bounds(np.vstack([corners.reshape(-1, 3), *(points for points, _ in links)]))
     for points, triangles in links:
         hull = Poly3DCollection(points[triangles], alpha=0.08, linewidths=0.0)
         hull.set_facecolor(MOTION)

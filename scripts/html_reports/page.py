@@ -123,7 +123,7 @@ def versions() -> str:
     names = ("hamel", "casadi", "numpy", "plotly")
     parts = [f"{name} {_version(name)}" for name in names]
     made = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
-    command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    command = f"{Path(sys.argv[0]).name} {shlex.join(sys.argv[1:])}"
     return f"{', '.join(parts)}; {made}; {datetime.now().astimezone():%Y-%m-%d %H:%M %z}; command: {command}"
 
 

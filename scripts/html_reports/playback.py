@@ -51,7 +51,7 @@ def playback(
         height: of the figure in pixels.
     """
     go = plotly()
-    middle, half = bounds(corners)
+    middle, half = bounds(np.vstack([corners.reshape(-1, 3), *(points for points, _ in links)]))
     shapes = surfaces(obstacles, middle, half)
     for one in shapes:
         half = max(half, min(float(np.abs(one.mesh[0] - middle).max()), 1.5 * half))

@@ -51,7 +51,7 @@ def write_torque_report(
     head = ("drive", "unit", "peak", "rms", "speed [rad/s or m/s]", "mean power [W]", "peak power [W]")
     parts = [(name, *np.sqrt(np.mean(part**2, axis=0)).tolist()) for name, part in table.split.items()]
     drives = [f"{c.name} [{c.force_unit}]" for c in table.machine.coordinates]
-    text = f"limits are exceeded: {'; '.join(broken)}" if broken else _kept(table)
+    text = f"limits are exceeded: {'; '.join(broken)}" if broken else _kept(bounds)
     sections = [
         page.verdict(text, not broken),
         page.paragraph(f"{motion!r}. {'; '.join(motion.notes)}"),
@@ -69,8 +69,9 @@ def write_torque_report(
     page.write(path, f"Torques of a motion of the {table.machine.name} manipulator", [times, *sections], [SCRIPT])
 
 
-def _kept(table: TorqueTable) -> str:
-    return "all limits are kept" if table.limits else "no limits of the drives were given: see --limit, --speed"
+def _kept(bounds: tuple[Array, Array]) -> str:
+    known = any(np.isfinite(side).any() for side in bounds)
+    return "all limits are kept" if known else "no limits of the drives were given: see --limit, --speed"
 
 
 def _torques(table: TorqueTable, kept: Array, bounds: tuple[Array, Array]) -> list[Panel]:
