@@ -54,7 +54,7 @@ def torques(
     space = figure.add_subplot(grid[:, next(columns)], projection="3d")
     draw_space(space, skeleton(table.machine, table.q[shown[:: max(1, len(shown) // PATH)]]))
     space.set_title("path of the tool, and the arm at seven times", fontsize=10)
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 8), fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 10), fontsize=8, frameon=False)
     figure.suptitle(
         f"Torques of a motion of the {table.machine.name} manipulator, {table.t[-1] - table.t[0]:.5g} s", fontsize=11
     )

@@ -34,10 +34,10 @@ def drive_limits(table: TorqueTable, further: Limits | None = None) -> tuple[Arr
     if ca.is_equal(system.u, table.machine.tau, 2):
         known = {**system.limits, **(further or {})}
         bounds = limits_of(system.u, [along(system[name], *sides) for name, sides in known.items()], system.u)
-        inputs = [system.x[: 2 * n], system.p]
-        if not ca.depends_on(ca.vertcat(*bounds), ca.vertcat(system.x[2 * n :], system.u)):
+        if not ca.depends_on(ca.vertcat(*bounds), system.x[2 * n :]):
+            inputs = [system.x[: 2 * n], system.u, system.p]  # the torque stands in a limit and cancels
             function = ca.Function("limits", inputs, [ca.densify(side) for side in bounds])
-            low, high = evaluate(function, np.hstack([table.q, table.v]), table.parameters)
+            low, high = evaluate(function, np.hstack([table.q, table.v]), table.tau, table.parameters)
     if table.limits:
         own = np.stack([limit.torque(table.v[:, i]) for i, limit in enumerate(table.limits)], axis=1)
         low, high = np.maximum(low, -own), np.minimum(high, own)
