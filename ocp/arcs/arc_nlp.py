@@ -47,6 +47,7 @@ class ArcNlp:
         arc_layout: the arc of every element.
         conditions: equations of state limits that are active.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
+        spread: least and largest duration of an arc, shares of the guessed one.
         solver: IPOPT on the NLP; None if `equations` are solved instead.
         equations: the NLP without inequalities, for Newton's iteration; None if it has too many unknowns.
         setup: seconds spent on preparing.
@@ -62,6 +63,7 @@ class ArcNlp:
     solver: PhysicalSolver | None
     equations: Equations | None
     setup: float
+    spread: tuple[float, float] = (0.0, np.inf)
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcNlp:
         """Return the same NLP for other parameter values and a problem that differs in numbers only."""
@@ -129,12 +131,7 @@ class ArcNlp:
         return 1.0 / np.repeat(self.elements, self.elements)
 
     def _motion(self, results: NlpResult, setup: float) -> ArcMotion:
-        nlp, layout, scaling, arc = (
-            self.nlp,
-            self.nlp.layout,
-            self.nlp.scaling,
-            self.arc_layout.arc,
-        )
+        nlp, layout, scaling, arc = self.nlp, self.nlp.layout, self.nlp.scaling, self.arc_layout.arc
         result = np.maximum(results.z[layout.horizon] * scaling.horizon, 0.0)
         done = tuple(replace(a, duration=float(t)) for a, t in zip(self.arcs, result, strict=True))
         states, controls = results.z[layout.state] * scaling.x, results.z[layout.control] * scaling.u
@@ -158,7 +155,10 @@ class ArcNlp:
         low, high, rows_low, rows_high = bounds(nlp)
         layout = nlp.layout
         lower, upper = (side / nlp.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
+        guessed = np.maximum([a.duration for a in self.arcs], 0.0) / nlp.scaling.horizon
         low[layout.horizon], high[layout.horizon] = 0.0 if limited else -np.inf, np.inf
+        if limited and np.isfinite(self.spread[1]):
+            low[layout.horizon], high[layout.horizon] = np.outer(self.spread, guessed)
         rows_low[nlp.total], rows_high[nlp.total] = _totals(problem)
         for condition, rows in zip(self.conditions, nlp.conditions, strict=True):
             rows_low[rows] = rows_high[rows] = condition.value(limits) / condition.condition.scale
@@ -179,7 +179,7 @@ class ArcNlp:
                 if kind in (Kind.LOWER, Kind.UPPER):
                     pinned = layout.control[own, :, i]
                     low[pinned] = high[pinned] = lower[i] if kind is Kind.LOWER else upper[i]
-            for contact in (*a.held, *a.touched):
+            for contact in (*(c for c in a.held if c.control >= 0), *a.touched):
                 limit = limits[contact.limit]
                 along = contact in a.held
                 if limit.state >= 0:
@@ -215,7 +215,7 @@ def transcribe_arcs(
 
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
-    weight: float = 0.0, limited: bool = True, effort: bool = False,
+    weight: float = 0.0, limited: bool = True, effort: bool = False, spread: tuple[float, float] = (0.0, np.inf),
 ) -> ArcNlp:  # fmt: skip
     """Transcribe a problem for a given structure and build its solver.
 
@@ -228,6 +228,7 @@ def prepare_arcs(
         weight: [cost/s] of the penalty that keeps singular controls near those of the guess.
         effort: whether the penalty keeps them near zero instead.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
+        spread: least and largest duration of an arc, shares of the guessed one; arcs that vanish hamper the solver.
     """
     begun = time.perf_counter()
     whole = transcribe_arcs(task, arcs, elements, guess, weight, effort)
@@ -235,7 +236,7 @@ def prepare_arcs(
     nlp = whole.nlp
     sizes = nlp.scaling.cost, nlp.row_scales
     solver = None if whole.equations else physical_solver(nlp.expressions, nlp.derivatives, sizes, settings)
-    return replace(whole, solver=solver, setup=time.perf_counter() - begun)
+    return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread)
 
 
 def _freed(problem: Problem) -> Problem:
@@ -284,10 +285,12 @@ def _conditions(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: fl
         return LimitCondition(Condition(expression, scale, *points), k, contact, along, orders[0], function)
 
     for k, a in enumerate(arcs):
-        before = {(c.limit, c.side): len(task.chain(c)) - 1 for c in arcs[k - 1].held} if k else {}
-        for contact in a.held:
+        exact = [c for c in arcs[k - 1].held if c.control >= 0] if k else []
+        before = {(c.limit, c.side): len(task.chain(c)) - 1 for c in exact}
+        for contact in (c for c in a.held if c.control >= 0):
             order = len(task.chain(contact)) - 1
-            conditions.append(condition(k, contact, range(order, order + 1), True))
+            # A limit of first order is held as well by c = limit at the points as by c' = 0, with shorter derivatives.
+            conditions.append(condition(k, contact, range(1) if order == 1 else range(order, order + 1), True))
             # What the arc before holds already needs no condition, but derivatives of a higher order do.
             fulfilled = before.get((contact.limit, contact.side), 0)
             if order > fulfilled and not (k == 0 and start_known):

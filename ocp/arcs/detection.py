@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, level, with_brakes
+from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, in_succession, level, with_brakes
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.problem.constraints import Where
@@ -46,6 +46,7 @@ def read(problem: Problem, solution: Solution, limits: tuple[StateLimit, ...], s
     # A control cannot be at a bound that it does not have, whatever the sign of its switching function.
     share = np.where(np.isfinite(np.where(share > 0.0, low, high)), share, 0.0)
     share = 0.0 * share if sharp else share
+    holds = in_succession(divided, holds) if sharp else holds
     stretches = [
         _stretches(divided, i, share[:, i], [hold for hold in holds if hold.contact.control == i])
         for i in range(u.shape[1])
@@ -93,10 +94,15 @@ def _aligned(stretches: list[list[Stretch]], times: list[float], near: float) ->
     results = []
     for own in stretches:
         ends = [t for t, _ in own[1:]] + [np.inf]
+        around = [None, *(kind for _, kind in own), None]
+        # A short way from a bound and back is an arc whose kind is not known yet.
+        back = [
+            before is after and before is not Kind.HOLDING for before, after in zip(around, around[2:], strict=False)
+        ]
         kept = [
             one
-            for one, end in zip(own, ends, strict=True)
-            if one[1] is not Kind.INTERIOR or end - one[0] > near or len(own) == 1
+            for one, end, excursion in zip(own, ends, back, strict=True)
+            if one[1] is not Kind.INTERIOR or end - one[0] > near or len(own) == 1 or excursion
         ]
         moved: list[Stretch] = []
         for k, (t, kind) in enumerate(kept):
@@ -147,6 +153,8 @@ def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) 
             kinds[c:stop] = [after or before or Kind.INTERIOR] * (stop - c)
         elif short and Kind.HOLDING in (before, after):
             kinds[c:stop] = [after if before is Kind.HOLDING else before] * (stop - c)
+        elif short and cells.sharp and before is after:
+            kinds[c:stop] = [Kind.INTERIOR] * (stop - c)
         elif short:
             _settle(kinds, starts, level, widths, (c, stop))
         elif np.mean(np.abs(share[c:stop])) < SINGULAR:

@@ -18,6 +18,7 @@ from ocp.solution.structure import Arc, Contact, Kind
 ACTIVE = 2e-4  # distance from a state limit, share of its range, that counts as active
 NEARLY = 2e-3  # distance that does not end an active stretch: on a coarse grid a state on its limit oscillates
 STUCK = 0.08  # a stretch on a state limit ends where its control stays at a bound for more than this share of it
+APART = 0.5  # cells between the starts of two arcs on limits that seem to begin at once
 HELD_FOR = 2.5  # elements that a limit must be active for to be an arc; a shorter contact is a touch point
 
 
@@ -161,6 +162,29 @@ def _parts(
     return [part for part in parts if part.end - part.start > shortest]
 
 
+def in_succession(cells: Cells, holds: list[LimitArc]) -> list[LimitArc]:
+    """Return the arcs on limits with their starts made different, as no motion reaches two limits at once as a rule.
+
+    Args:
+        cells: of the motion; the limit whose control leaves its bound first is reached first.
+        holds: as read, of which some may begin at the end of the same element.
+    """
+    edges, inside = cells.edges, cells.inside
+    apart = APART * float(edges[-1]) / len(edges)
+
+    def leaves(hold: LimitArc) -> float:
+        near = np.flatnonzero((edges[1:] > hold.start - 3.0 * np.max(np.diff(edges))) & inside[:, hold.contact.control])
+        return float(edges[near[0]]) if len(near) else hold.start
+
+    results: list[LimitArc] = []
+    for hold in sorted(holds, key=lambda hold: (hold.start, leaves(hold))):
+        start = hold.start
+        if start > 0.0 and results and start - results[-1].start < apart:
+            start = min(results[-1].start + apart, (hold.start + hold.end) / 2.0)
+        results.append(replace(hold, start=start))
+    return results
+
+
 def replace_control(contact: Contact, control: int) -> Contact:
     """Return a contact held by another control."""
     return Contact(contact.limit, contact.side, control)
@@ -176,23 +200,42 @@ def _inside(problem: Problem, u: Array) -> Array:
     return np.array([0.02 <= level(u[i : i + 1], low[i], high[i])[0] <= 0.98 for i in range(len(u))])
 
 
-def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float, inside: Array) -> int:
-    """Return the control that can hold a limit at a time: one between its bounds with the largest effect; else -1.
+def holder_of(problem: Problem, limit: StateLimit, point: tuple[Array, Array, Array], free: Array) -> int:
+    """Return the control that can hold a limit: one between its bounds with the largest effect; else -1.
 
     The derivatives of the limit are taken until a control between its bounds appears in one of them.
+
+    Args:
+        problem: one phase.
+        limit: one of its state limits.
+        point: state, control and parameters.
+        free: (nu,) whether a control lies between its bounds.
     """
-    system = problem.system
-    low, high = problem.limits(Where.ALONG, system.u)
-    width = np.where(np.isfinite(high - low), high - low, 1.0)
-    chains = {i: chain_of(problem, limit, i) for i in np.flatnonzero(inside).tolist()}
+    chains = {i: chain_of(problem, limit, i) for i in np.flatnonzero(free).tolist()}
     orders = [len(chain) for chain in chains.values() if chain]
     if not orders:
         return -1
     chosen = [i for i, chain in chains.items() if len(chain) == min(orders)]
-    effects = ca.vertcat(*(ca.jacobian(chains[i][-1], system.u[i]) for i in chosen))
-    function = ca.Function("effect", [system.x, system.u, system.p], [ca.densify(effects)])
-    strength = np.abs(np.array(function(solution.x(t), solution.u(t), solution.parameters))).ravel() * width[chosen]
-    return chosen[int(np.argmax(strength))]
+    return max(chosen, key=lambda i: strength_of(problem, limit, point, i))
+
+
+def strength_of(problem: Problem, limit: StateLimit, point: tuple[Array, Array, Array], control: int) -> float:
+    """Return how much the range of a control changes the derivative of a limit in which it appears first."""
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    width = high[control] - low[control]
+    return abs(float(_effect(problem, limit, control)(*point))) * (width if np.isfinite(width) else 1.0)
+
+
+@functools.lru_cache(maxsize=256)
+def _effect(problem: Problem, limit: StateLimit, control: int) -> ca.Function:
+    system = problem.system
+    slope = ca.jacobian(chain_of(problem, limit, control)[-1], system.u[control])
+    return ca.Function("effect", [system.x, system.u, system.p], [ca.densify(slope)])
+
+
+def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float, inside: Array) -> int:
+    """Return the control that can hold a limit at a time (see `holder_of`)."""
+    return holder_of(problem, limit, (solution.x(t), solution.u(t), solution.parameters), inside)
 
 
 def level(u: Array, low: float, high: float, edge: float = 0.02) -> Array:

@@ -25,8 +25,9 @@ from ocp.transcription.schemes.scheme import Scheme
 NARROWEST, WIDEST = 0.4, 1.8  # widths of the elements, shares of their mean
 EVENNESS = 1e-3  # penalty on the differences of widths, share of the cost if each is as large as the mean width
 SETTINGS = Ipopt(
-    tol=1e-10, max_iter=150, progress=False,
-    extra={"mu_init": 1e-4, "bound_push": 1e-5, "bound_frac": 1e-5, "slack_bound_push": 1e-5, "slack_bound_frac": 1e-5},
+    tol=1e-9, max_iter=150, progress=False,
+    extra={"mu_init": 1e-4, "bound_push": 1e-5, "bound_frac": 1e-5, "slack_bound_push": 1e-5, "slack_bound_frac": 1e-5,
+           "mumps_permuting_scaling": 0, "mumps_scaling": 0},
 )  # fmt: skip
 
 

@@ -67,8 +67,17 @@ class Certificate:
     @property
     def sound(self) -> bool:
         """Whether all conditions hold up to rounding."""
-        exceeded = any(crossing.share > EXCESS for crossing in self.crossings)
-        return self.gap <= GAP and not (exceeded or self.jumps or self.released)
+        return self.sound_within(GAP)
+
+    def sound_within(self, gap: float, excess: float = EXCESS) -> bool:
+        """Return whether all conditions hold, with a gain by better controls up to a share of the cost.
+
+        Args:
+            gap: accepted gain, share of the cost.
+            excess: accepted violation of a state limit, share of its range.
+        """
+        exceeded = any(crossing.share > excess for crossing in self.crossings)
+        return self.gap <= gap and not (exceeded or self.jumps or self.released)
 
 
 def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:

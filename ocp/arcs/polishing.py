@@ -13,8 +13,10 @@ import numpy as np
 from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
 from ocp.arcs.detection import read
+from ocp.arcs.gentle_arcs import settle_gently
 from ocp.arcs.least_effort import slack, with_effort, without_effort
 from ocp.arcs.limit_arcs import contacts
+from ocp.arcs.loose_arcs import read_loosely
 from ocp.arcs.moving_grid import SETTINGS as MOVING
 from ocp.arcs.moving_grid import move_grid
 from ocp.arcs.settling import RESIDUAL, Attempt, Budget, settle
@@ -36,7 +38,12 @@ from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=None, extra={"mu_init": 1e-6, "acceptable_iter": 0})
-SECONDS = 20.0  # of processor time after which no further structure is tried
+SECONDS = 9.0  # of processor time after which no further structure is tried
+FEW = 30  # iterations on the structure read from the given grid; where it is right, fewer are enough
+ENOUGH = 0.7  # of the seconds left, below which a motion that is nearly sound is returned
+LAST = 0.5  # seconds left, below which no further grid is moved
+FIRST = 0.4  # of the seconds, given to the structure read from the given grid, where only time counts
+PART = 0.5  # of the seconds left, given to one structure read
 EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, share of the cost
 
 
@@ -106,9 +113,16 @@ def polish(
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed, iterations, reason = solution.cost + _doubt(problem, solution), 0, ""
     budget = Budget(seconds, sys.stderr.isatty() if settings.progress is None else settings.progress)
-    coarse = solution
+    coarse, timed = solution, _timed(problem)
+    spare: Attempt | None = None
     for coarse, arcs in _readings(task, solution, budget):
-        tried = settle(task, coarse, arcs, settings, budget, eased=coarse is not solution)
+        if coarse is solution and timed:
+            given = replace(settings, max_iter=min(settings.max_iter, FEW))
+            tried = settle(task, coarse, arcs, given, budget.part(FIRST), again=False)
+        elif coarse is solution:
+            tried = settle(task, coarse, arcs, settings, budget)
+        else:
+            tried = settle_gently(task, coarse, arcs, settings, budget.part(PART))
         iterations += tried.iterations
         reason = tried.reason or reason
         if tried.motion is None or tried.certificate is None:
@@ -117,12 +131,19 @@ def polish(
         if cost > allowed:
             reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
             continue
-        result = _polished(task, solution, tried, (iterations, time.perf_counter() - begun))
-        loose = between_points(result)
-        if not loose:
-            budget.show("")
-            return result
-        reason = loose[0]
+        loose = between_points(tried.motion.solution(task, solution))
+        reason = loose[0] if loose else reason
+        if not loose and not tried.reason:
+            spare = tried
+            break
+        least = np.inf if spare is None or spare.certificate is None else spare.certificate.gap
+        if not loose and tried.certificate.gap < least:
+            spare = tried
+        if spare is not None and budget.left < ENOUGH * seconds:
+            break
+    if spare is not None:
+        budget.show("")
+        return _polished(task, solution, spare, (iterations, time.perf_counter() - begun))
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
     open_controls = slack(problem, solution)
@@ -133,11 +154,12 @@ def polish(
 
 def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:
     """Return the motion with constant controls on a moved grid if it is better and keeps its limits; else the given."""
-    if budget.left <= 0.0:
-        return solution
-    budget.show("no structure found, moving the grid")
-    moved = move_grid(coarse, problem, radau(4), solver=budget.limited(MOVING))
-    if moved.status is not Status.SOLVED or moved.cost > solution.cost or between_points(moved):
+    moved = coarse
+    if budget.left > LAST:
+        budget.show("no structure found, moving the grid")
+        moved = move_grid(coarse, problem, radau(4), solver=budget.limited(MOVING))
+    found = moved.status is Status.SOLVED and moved.scheme.control is Control.CONSTANT and moved is not solution
+    if not found or moved.cost > solution.cost or between_points(moved):
         return solution
     gain = (solution.cost - moved.cost) / max(abs(solution.cost), 1e-300)
     return replace(moved, message=f"{Status.SOLVED.value}; grid moved to the switches, cost lower by {gain:.1e}")
@@ -148,9 +170,7 @@ def _readings(task: ArcProblem, solution: Solution, budget: Budget) -> Iterator[
     problem, limits = task.problem, task.limits
     arcs = read(problem, solution, limits)
     # Where only time counts, controls between their bounds are slack as a rule, and arbitrary in the given motion.
-    cost, states = problem.minimise, problem.system.x
-    timed = cost.running.is_zero() and not any(ca.depends_on(part, states) for part in (cost.final, cost.initial))
-    if not (timed and task.loose(arcs)):
+    if not (_timed(problem) and task.loose(arcs)):
         yield solution, arcs
     eased = with_effort(problem, solution, EFFORT)
     coarse = solution
@@ -166,7 +186,17 @@ def _readings(task: ArcProblem, solution: Solution, budget: Budget) -> Iterator[
         if moved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.LIMIT):
             return
         coarse = without_effort(moved, problem)
-        yield coarse, read(problem, coarse, limits, sharp=True)
+        if scheme.control is Control.COLLOCATED:
+            loose, sharp = read_loosely(task, coarse), read(problem, coarse, limits, sharp=True)
+            yield from ((coarse, arcs) for arcs in (sharp, loose))
+        else:
+            yield coarse, read(problem, coarse, limits, sharp=True)
+
+
+def _timed(problem: Problem) -> bool:
+    """Return whether only time counts."""
+    cost, states = problem.minimise, problem.system.x
+    return cost.running.is_zero() and not any(ca.depends_on(part, states) for part in (cost.final, cost.initial))
 
 
 def _couples(problem: Problem, limit: StateLimit) -> bool:

@@ -153,7 +153,7 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tu
         part: keep a part of the stretch even if almost all of it has the wrong sign.
     """
     start, end = wrong.start, wrong.end
-    starts = _starts(arcs)
+    starts = starts_of(arcs)
     own = [k for k, arc in enumerate(arcs) if starts[k] < (start + end) / 2.0 <= starts[k] + arc.duration]
     if not own:
         return arcs
@@ -171,7 +171,7 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tu
         b = end if starts[last] + arcs[last].duration - end < 1e-6 * stretch else end - quarter
         arcs, _ = _cut(arcs, a)
         arcs, _ = _cut(arcs, b)
-        starts = _starts(arcs)
+        starts = starts_of(arcs)
         chosen = [j for j, arc in enumerate(arcs) if a - 1e-12 <= starts[j] + arc.duration / 2.0 <= b + 1e-12]
     else:
         chosen = list(range(first, last + 1))
@@ -215,7 +215,8 @@ def revise(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit
     return next(iter(revisions(motion, certificate, limits)), without_vanished(motion.arcs))
 
 
-def _starts(arcs: tuple[Arc, ...]) -> list[float]:
+def starts_of(arcs: tuple[Arc, ...]) -> list[float]:
+    """Return the times at which arcs begin, and the end of the last one [s]."""
     starts = [0.0]
     for arc in arcs:
         starts.append(starts[-1] + arc.duration)
@@ -264,7 +265,7 @@ def with_saturated(problem: Problem, motion: ArcMotion, arcs: tuple[Arc, ...]) -
     for a, b, i, side in cuts:
         arcs, _ = _cut(arcs, a)
         arcs, _ = _cut(arcs, b)
-        starts = np.array(_starts(arcs))
+        starts = np.array(starts_of(arcs))
         middle = (starts[:-1] + starts[1:]) / 2.0
         arcs = tuple(
             replace(arc, kinds=tuple(side if j == i else kind for j, kind in enumerate(arc.kinds)))

@@ -11,34 +11,38 @@ import numpy as np
 from ocp.arcs.active_limits import pressing
 from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
-from ocp.arcs.arcs import durations, elements_of, key_of
+from ocp.arcs.arcs import durations, key_of, refined
 from ocp.arcs.optimality_check import Certificate, certify, complaint
 from ocp.arcs.revision import (
     revisions,
     swapped,
     with_contact,
     with_hold,
-    with_saturated,
     without_shortest_hold,
     without_vanished,
 )
+from ocp.checks import Array
+from ocp.problem.constraints import Where
 from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc
 from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import QUIET_SECONDS, Ipopt
+from ocp.transcription.guess import Guess
 
+EVEN = np.array([0.0, 1.0]), np.zeros(1)  # no density of elements
+FINER = 6.0  # most parts that an element is divided into at once
+OVERSHOOT = 5e-4  # accepted excess of a control between collocation points, share of its range
+BETWEEN_POINTS = np.linspace(0.0, 1.0, 11)
+NEARLY = 1e-6  # gain, share of the cost, and violation of limits, share of their ranges, if nothing better is found
+ROUGH = 1e-5  # local error of the dynamics, share of the range of a state, accepted then
 DOUBLINGS = 3  # of the elements, until the residual is small enough
 RESIDUAL = 5e-7  # accepted local error of the dynamics on an element, share of the range of a state
 REVISIONS = 16  # most structures tried for one detection
 FAILURES = 2  # most structures whose NLP is not solved, for one detection
 PUSHED = 1e-4  # largest change of a scaled unknown when the barrier of inactive limits is removed
-# Penalty on singular controls, share of the cost per second: first on their size, then on their distance from the
-# last iterate. STRONG, halved with each step, is for motions that have not begun with least effort.
-EFFORT, WEIGHT, STRONG = 1e-3, 1e-3, 1e-2
+STRONG = 1e-2  # penalty on the distance of singular controls from the last iterate, cost per second; halved each step
 # Where the first NLP is not solved, it is tried again from farther inside its bounds.
-ROUGH = 10.0  # times the accepted local error, from which the elements are halved at once
 FAR = {"mu_init": 1e-2, "bound_push": 1e-2, "bound_frac": 1e-2}
-BIAS = 1e-5  # gain by wrong signs, share of the cost, that a penalty may cause
 PROXIMAL, LEFT = 8, 1e-11  # most proximal steps; they end when the penalty is this share of the cost
 
 
@@ -65,6 +69,10 @@ class Budget:
         """Seconds left."""
         return self.started + self.seconds - time.process_time()
 
+    def part(self, share: float) -> Budget:
+        """Return a budget with a share of the seconds left."""
+        return replace(self, seconds=share * max(self.left, 0.0), started=time.process_time())
+
     def show(self, text: str) -> None:
         """Show a line of progress, once polishing has lasted two seconds; an empty text wipes it."""
         spent = time.perf_counter() - self.begun
@@ -88,8 +96,9 @@ class Attempt:
 
 
 def settle(
-    task: ArcProblem, coarse: Solution, arcs: tuple[Arc, ...], settings: Ipopt, budget: Budget, eased: bool = False
-) -> Attempt:
+    task: ArcProblem, coarse: Solution, arcs: tuple[Arc, ...], settings: Ipopt, budget: Budget,
+    guess: Guess | None = None, again: bool = True,
+) -> Attempt:  # fmt: skip
     """Solve the NLP of a structure and revise the structure until all conditions of optimality hold.
 
     Args:
@@ -98,28 +107,30 @@ def settle(
         arcs: the structure.
         settings: of IPOPT.
         budget: of seconds.
-        eased: whether undetermined controls of the given motion take the least effort; those of the result then do too.
+        guess: of the first NLP; default the given motion.
+        again: whether the first NLP is tried again from farther inside its bounds if it is not solved.
     """
-    guess = from_solution(coarse)
+    guess, density = from_solution(coarse) if guess is None else guess, EVEN
     seen: set[tuple[object, ...]] = set()
     solves = iterations = level = failures = 0
-    far, step = False, 0 if eased else 1
+    far, step = False, 1
     settled: Attempt | None = None
+    near: Attempt | None = None  # the best one whose conditions hold nearly
     rate = abs(coarse.cost) / coarse.duration
     while solves < REVISIONS + DOUBLINGS + PROXIMAL and (solves == 0 or budget.left > 0.0):
-        elements, loose = elements_of(arcs, level), task.loose(arcs)
-        weight = rate * (EFFORT if step == 0 else WEIGHT if eased else STRONG * 0.5 ** (step - 1)) if loose else 0.0
-        new_singular = loose and not eased and step == 1
+        elements, loose = refined(arcs, density), task.loose(arcs)
+        weight = rate * STRONG * 0.5 ** (step - 1) if loose else 0.0
+        new_singular = loose and step == 1
         begin = replace(settings, extra={**settings.extra, **FAR}) if far or new_singular else settings
         budget.show(f"structure {len(seen) + 1} with {len(arcs)} arcs")
-        nlp = prepare_arcs(task, arcs, elements, guess, budget.limited(begin), weight, effort=step == 0)
+        nlp = prepare_arcs(task, arcs, elements, guess, budget.limited(begin), weight)
         motion = nlp.solve(nlp.start(guess, durations(arcs)))
         solves, iterations = solves + 1, iterations + motion.result.iterations
         seen.add(key_of(arcs))
         if motion.result.status is not Status.SOLVED:
             if settled is not None:
                 return replace(settled, iterations=iterations)  # only its residual could have been smaller
-            if solves == 1 and not far:
+            if solves == 1 and not far and again:
                 far = True
                 continue
             failures, far = failures + 1, False
@@ -129,40 +140,25 @@ def settle(
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
-            return Attempt(None, None, reason, iterations)
+            return near or Attempt(None, None, reason, iterations)
         far, solution = False, motion.solution(task, coarse)
-        if loose and step == 0:
-            # The costates are those of a cost with effort: nothing but vanished and saturated arcs can be judged.
-            other = with_saturated(task.problem, motion, without_vanished(motion.arcs))
-            guess = from_solution(solution)
-            if key_of(other) in seen or key_of(other) == key_of(arcs):
-                arcs, step = motion.arcs, 1
-            else:
-                arcs = other
-            continue
         certificate = certify(task, motion)
         sound = certificate.sound
-        error = float(np.max(solution.error))
+        worst = float(np.max(solution.error))
+        density = denser(motion, solution)
+        if loose and worst > RESIDUAL:  # singular controls oscillate where elements are of different widths
+            density = motion.grid.ends, 2.0 / motion.grid.widths
         pressed = pressing(nlp, motion)[:2]
         kept = without_vanished(motion.arcs)
         met = [with_contact(kept, crossing, task.limits) for crossing in pressed]
         met = [with_hold(task.problem, kept, crossing, task.limits) for crossing in pressed] + met
         proposed = [*(other for other in met if other != kept), *revisions(motion, certificate, task.limits)]
         sound = sound and not pressed
+        least = NEARLY if near is None or near.certificate is None else near.certificate.gap
+        if kept == motion.arcs and certificate.sound_within(least, NEARLY) and worst <= ROUGH:
+            near = Attempt(motion, certificate, "", iterations)
         new = [other for other in proposed if key_of(other) not in seen]
         regularised = motion.penalty > LEFT * abs(motion.result.cost) and step < PROXIMAL
-        gains = sum(wrong.gain for wrong in certificate.signs)
-        if (
-            regularised
-            and not sound
-            and eased
-            and gains < BIAS * abs(motion.result.cost)
-            and len(kept) == len(motion.arcs)
-        ):
-            # Small switching functions with a wrong sign may be due to the penalty on singular controls.
-            arcs, guess, step = motion.arcs, from_solution(solution), step + 1
-            level += int(error > ROUGH * RESIDUAL and level < DOUBLINGS)
-            continue
         if new and (not sound or len(new[0]) < len(motion.arcs)):
             arcs, guess, step = new[0], from_solution(solution), min(step, 1)
             continue
@@ -170,22 +166,44 @@ def settle(
             # Only singular arcs are wrong, because of the penalty on them.
             arcs, guess, step = motion.arcs, from_solution(solution), step + 1
             continue
-        if not sound and (level >= DOUBLINGS or (level >= 1 and error <= RESIDUAL)):
-            return Attempt(None, None, complaint(task, certificate), iterations)
+        if not sound and (level >= DOUBLINGS or (level >= 1 and worst <= RESIDUAL)):
+            return near or Attempt(None, None, complaint(task, certificate), iterations)
         settled = Attempt(motion, certificate, "", iterations) if sound else None
-        if not sound or (error > RESIDUAL and level < DOUBLINGS):
+        if not sound or (worst > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, step = motion.arcs, from_solution(solution), step + 1
             continue
-        return Attempt(*_finished(nlp, motion, certificate), "", iterations)
+        return Attempt(*finished(nlp, motion, certificate), "", iterations)
     if settled is not None:
         return replace(settled, iterations=iterations)
-    return Attempt(None, None, "the structure does not settle", iterations)
+    return near or Attempt(None, None, "the structure does not settle", iterations)
 
 
-def _finished(nlp: ArcNlp, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
+def denser(motion: ArcMotion, solution: Solution) -> tuple[Array, Array]:
+    """Return the density of elements that the errors of a motion ask for; see `refined`.
+
+    Args:
+        motion: the solution of the NLP of a structure.
+        solution: the same as a Solution.
+    """
+    error = np.maximum(solution.error, RESIDUAL * overshoot(solution) / OVERSHOOT)
+    finer = np.clip(np.ceil((error / RESIDUAL) ** (1.0 / 3.0)), 1.0, FINER)
+    return motion.grid.ends, finer / motion.grid.widths
+
+
+def overshoot(solution: Solution) -> Array:
+    """Return by how much controls leave their limits between the points of each element (N,), share of their ranges."""
+    assert solution.problem is not None
+    low, high = solution.problem.limits(Where.ALONG, solution.problem.system.u)
+    u = np.einsum("sm,kma->ksa", solution.scheme.control_at(BETWEEN_POINTS), solution.controls)
+    both = np.isfinite(low) & np.isfinite(high) & (high > low)
+    over = np.maximum(low - u, u - high)[:, :, both] / (high - low)[both]
+    return np.asarray(np.max(over, axis=(1, 2), initial=0.0))
+
+
+def finished(nlp: ArcNlp, motion: ArcMotion, certificate: Certificate) -> tuple[ArcMotion, Certificate]:
     """Return the motion solved again by Newton's iteration without inactive limits, whose barrier moves it a little."""
     task, bare = nlp.task, nlp.unlimited()
     if bare.equations is None or task.loose(motion.arcs):

@@ -30,7 +30,7 @@ class Contact:
 
     limit: int
     side: int  # -1 lower, 1 upper
-    control: int = -1  # index of the control that keeps it active along an arc
+    control: int = -1  # index of the control that keeps it active along an arc; -1: at an instant, or no single one
 
 
 @dataclass(frozen=True)
