@@ -1,0 +1,123 @@
+"""Loose arcs: what is not known of a structure stays free, and becomes exact where the motion says so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from catalogue import problems
+
+from models.effects import Coulomb, Gravity, Payload, Viscous
+from models.forms import canonical
+from models.scenes.scene_template import TASKS
+from ocp import Control, Ipopt, legendre, point_to_point, polish, solve, uniform, verify
+from ocp.arcs.arc_nlp import prepare_arcs
+from ocp.arcs.arc_problems import arc_problem
+from ocp.arcs.arcs import elements_of, refined
+from ocp.arcs.limit_arcs import Cells, LimitArc, in_succession
+from ocp.arcs.loose_arcs import loosened, read_loosely
+from ocp.arcs.moving_grid import move_grid
+from ocp.solution.structure import Arc, Contact, Kind
+from ocp.solving.guess_conversion import from_solution
+
+LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING
+QUIET = Ipopt(progress=False)
+LIFT = problems.lift_fastest(speed=1.2)  # full force, the speed limit, full braking
+
+
+def lift(arcs=None, **settings):
+    """Return the task, its motion on a moved grid, the NLP of the arcs read from it or of given ones, and the guess."""
+    coarse = solve(LIFT.problem, grid=uniform(20), solver=QUIET)
+    moved = move_grid(coarse, LIFT.problem, legendre(3, Control.COLLOCATED))
+    task = arc_problem(LIFT.problem, legendre(6, Control.COLLOCATED), coarse.values)
+    arcs = read_loosely(task, moved) if arcs is None else arcs
+    guess = from_solution(moved)
+    return task, moved, prepare_arcs(task, arcs, elements_of(arcs), guess, QUIET, **settings), guess
+
+
+def test_limits_become_inequalities_and_their_controls_free():
+    held = Arc((HOLDING, LOWER), 1.0, (Contact(0, 1, 0),))
+    other = Arc((HOLDING, LOWER), 2.0, (Contact(1, -1, 0),))
+    assert loosened((held,)) == (Arc((INTERIOR, LOWER), 1.0, (Contact(0, 1),)),)
+    assert loosened((held, other), frozenset({(0, 1)})) == (Arc((INTERIOR, LOWER), 1.0, (Contact(0, 1),)), other)
+    free = Arc((INTERIOR, LOWER), 1.0)
+    assert loosened((free,)) == (free,)
+
+
+def test_elements_are_more_where_the_density_asks_for_more():
+    arcs = Arc((LOWER,), 1.0), Arc((UPPER,), 3.0)
+    even = np.array([0.0, 1.0]), np.zeros(1)
+    assert refined(arcs, even) == elements_of(arcs) == (4, 12)
+    # 40 elements per motion on the first quarter of it, none asked for on the rest
+    assert refined(arcs, (np.array([0.0, 0.25, 1.0]), np.array([40.0, 0.0]))) == (10, 12)
+
+
+def test_limits_that_seem_to_be_reached_at_once_are_reached_one_after_the_other():
+    edges = np.linspace(0.0, 1.0, 11)
+    inside = np.zeros((10, 2), dtype=bool)
+    inside[5:, 0], inside[4:, 1] = True, True  # the second control leaves its bound first
+    cells = Cells(edges, np.where(inside, 0.5, 0.0), 1e-3, True)
+    holds = [LimitArc(Contact(0, 1, 0), 0.5, 0.9), LimitArc(Contact(1, 1, 1), 0.5, 0.9)]
+    first, second = in_succession(cells, holds)
+    assert (first.contact.limit, first.start) == (1, 0.5)
+    assert second.contact.limit == 0
+    assert 0.5 < second.start < 0.6
+    apart = [holds[0], replace(holds[1], start=0.7)]
+    assert [hold.start for hold in in_succession(cells, apart)] == [0.5, 0.7]
+
+
+def test_reading_pins_what_stays_at_a_bound_and_frees_the_rest():
+    task, moved, _, _ = lift()
+    arcs = read_loosely(task, moved)
+    kinds = [arc.kinds[0] for arc in arcs]
+    assert kinds[0] is UPPER
+    assert kinds[-1] is LOWER
+    assert HOLDING in kinds
+    assert sum(arc.duration for arc in arcs) == pytest.approx(moved.duration)
+    middle = arcs[kinds.index(HOLDING)]
+    assert [(c.limit, c.side, c.control) for c in middle.held] == [(0, 1, 0)]
+
+
+def test_durations_keep_their_shares_of_the_guessed_ones():
+    wrong = Arc((UPPER,), 0.5), Arc((HOLDING,), 1.0, (Contact(0, 1, 0),)), Arc((LOWER,), 0.1)
+    _, _, nlp, guess = lift(wrong, spread=(0.4, 1.8))
+    low, high = (side[nlp.nlp.layout.horizon] * nlp.nlp.scaling.horizon for side in nlp.sides()[:2])
+    np.testing.assert_allclose(low, [0.2, 0.4, 0.04])
+    np.testing.assert_allclose(high, [0.9, 1.8, 0.18])
+    motion = nlp.solve(nlp.start(guess, np.array([arc.duration for arc in wrong])))
+    ratios = np.array([arc.duration for arc in motion.arcs]) / [0.5, 1.0, 0.1]
+    assert np.all((ratios > 0.4 - 1e-6) & (ratios < 1.8 + 1e-6))
+
+
+def motion(machine, q0, q1, payload, limit, speed=None, friction=False):
+    default, limit = TASKS[machine], np.array(limit)
+    effects = [Gravity(), Payload(payload)]
+    effects += [Viscous(tuple(0.01 * limit)), Coulomb(tuple(0.03 * limit), 0.3)] if friction else []
+    limits = {"q": (default.q_min, default.q_max), "tau": limit} | ({} if speed is None else {"v": speed})
+    return point_to_point(canonical(default.machine(), effects), q0, q1, **limits)
+
+
+ORDINARY = {
+    # Two joints reach their speed limits within 1 ms of each other, three hold them together.
+    "two limits almost at once": (
+        ("spherical", (1.6962, -2.1143, -1.4034, 1.0655), (2.6462, -2.3413, -0.7784, 0.9689), 3.252,
+         (471.69, 179.32, 2.16, 732.37), (4.034, 3.318, 1.858, 1.641)), 0.403426),
+    "short arcs and touches, one drive slack": (
+        ("cylindrical", (0.8536, 1.1668, 0.6944), (-2.4584, 0.7573, 0.5796), 4.923, (290.89, 1751.31, 501.07)),
+        0.773250),
+    "friction and a touch": (
+        ("torus", (0.9923, 0.0248, -0.9549), (-2.7378, 1.1425, 2.4008), 2.688, (251.75, 1152.83, 351.6), None, True),
+        0.538298),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ORDINARY)
+def test_ordinary_tasks_are_polished(name):
+    numbers, expected = ORDINARY[name]
+    coarse = solve(motion(*numbers), grid=uniform(50), solver=QUIET)
+    result = polish(coarse, seconds=100.0)
+    assert result.structure is not None, result.message
+    assert result.duration == pytest.approx(expected, abs=3e-6)  # constant controls on 75 moved elements: within 1e-5
+    assert result.duration < coarse.duration
+    report = verify(result)
+    assert report.violation < 1e-6, report
