@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
+INTERRUPTED = 130  # as of a program that Ctrl-C ends: 128 + SIGINT
 CLOSED = 141  # as of a program that the closed pipe ends: 128 + SIGPIPE
 
 
@@ -47,6 +48,9 @@ def exit_with(main: Callable[[], int]) -> None:
         except SystemExit as ended:  # of --help, or of wrong options
             status = ended.code
         sys.stdout.flush()
+    except KeyboardInterrupt:
+        print("\ninterrupted; nothing more is written", file=sys.stderr)
+        status = INTERRUPTED
     except BrokenPipeError:
         # Python flushes standard output once more when it ends, into nothing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

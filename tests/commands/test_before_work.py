@@ -15,6 +15,7 @@ import study
 import time_optimal
 import torques
 from reports import output
+from reports.command import exit_with
 from reports.verdict import diagnosis
 
 ROOT = Path(__file__).parents[2]
@@ -126,3 +127,21 @@ def test_the_console_command_needs_no_general_names(tmp_path: Path) -> None:
     )
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("scene         torus manipulator")
+
+
+def test_a_python_without_casadi_is_told_how_to_get_it() -> None:
+    command = [sys.executable, "-S", str(ROOT / "scripts" / "torques.py"), "motion.csv"]  # -S: no installed packages
+    result = subprocess.run(command, capture_output=True, text=True, env={}, check=False)
+    assert result.returncode == 1
+    assert result.stderr.startswith(f"torques.py: CasADi is not installed for {sys.executable}")
+    assert result.stderr.count("\n") == 1
+
+
+def test_an_interrupted_command_ends_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> int:
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as ended:
+        exit_with(interrupted)
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "\ninterrupted; nothing more is written\n"
