@@ -57,7 +57,8 @@ Say = Callable[[str], None]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0, 1 if a limit is exceeded, 2 for wrong usage or input."""
     options = command_line().parse_args(arguments)
-    say: Say = print if not (options.quiet or options.json) else lambda _: None
+    shown = not (options.quiet or options.json)
+    say: Say = print if shown else lambda _: None
     assumed = "" if options.scene or options.machine else "assumed, as neither a scene nor --machine was given"
     try:
         include_own_models(options)
@@ -66,14 +67,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         limits, signals = envelopes(options, scene.machine), scene_limits(document, scene)
         say(f"{scene.machine.name} manipulator{f' ({assumed})' if assumed else ''}, "
             f"{', '.join(repr(e) for e in scene.effects) or 'no effects'}")  # fmt: skip
-        motion = read_motion(options.motion, scene, reading(options, limits, signals, say))
+        with working("reading the motion", shown, own_line=True):
+            motion = read_motion(options.motion, scene, reading(options, limits, signals, say))
         say(repr(motion))
         times = None if options.times is None else np.linspace(motion.start, motion.end, options.times)
-        table = motion.torques(
-            scene.machine, scene.effects, times=times, limits=limits, progress=progress("inverse dynamics")
-        )
+        with working("inverse dynamics", shown, own_line=True):
+            table = motion.torques(
+                scene.machine, scene.effects, times=times, limits=limits, progress=progress("inverse dynamics")
+            )
         account = describe(say, motion, table, scene, signals, options.compare)
-        gears(options, document, scene, table, account, say)
+        with working("gear ratios", shown and options.ratios is not None):
+            gears(options, document, scene, table, account, say)
         files = write(options, motion, table, scene, (limits, signals), account, say)
     except BrokenPipeError:
         raise
