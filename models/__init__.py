@@ -8,6 +8,7 @@ from models.machines.torus_arm import torus
 from models.motions.motion import Motion
 from models.motions.path_timing import path_system, timed
 from models.motions.paths import path_through
+from models.motions.straight_path import states_along, straight_path
 from models.motions.tool_motion import along_tool_path, through_tool_points
 from models.motions.tool_paths import arc, line, sampled
 from models.rigid_bodies import (
@@ -38,5 +39,6 @@ __all__ = [
     "Parameter", "Scene", "Sizing", "TorqueTable", "along_poses", "along_tool_path", "arc", "cylindrical", "dh",
     "drive_dynamics", "estimate", "from_urdf", "inverse_dynamics", "inverse_kinematics", "line", "orientation_error",
     "path_system", "path_through", "recover", "right_hand_side", "robots", "sampled", "serial", "size_gears",
-    "spherical", "split_torques", "through_tool_points", "timed", "torus", "tree", "write_code", "write_function",
+    "spherical", "split_torques", "states_along", "straight_path", "through_tool_points", "timed", "torus", "tree",
+    "write_code", "write_function",
 ]  # fmt: skip

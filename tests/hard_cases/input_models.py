@@ -194,6 +194,12 @@ def motions() -> tuple[Call, ...]:
             "continuous": A(1.0, BOUND), "power": A(1.0, BOUND)}),
         Call("Envelope.torque", models.Envelope(1.0, 2.0).torque, {
             "speed": A(np.array([0.0]), REAL | {"inf", "minus_inf", "infs", "long", "falling", "empty", "cube"})}),
+        Call("models.straight_path", models.straight_path, {
+            "machine": A(arm), "effects": A(example.NUMBERS, LIST), "begin": A(q[0].tolist(), three),
+            "finish": A(q[1].tolist(), three), "limits": A({"tau": [100.0, 100.0, 100.0]}, MAP, ("signal",))}),
+        Call("models.states_along", models.states_along, {
+            "motion": A(motion), "system": A(example.system()), "machine": A(arm), "effects": A(example.EFFECTS, LIST),
+            "points": A(5)}),
         Call("models.line", models.line, {"start": point, "end": A([0.0, 2.0, 0.0], frozenset({"falling"}))}),
         Call("models.arc", models.arc, {
             "start": point, "via": A([0.0, 2.0, 0.0], frozenset({"falling"})),
