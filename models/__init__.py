@@ -8,7 +8,7 @@ from models.machines.torus_arm import torus
 from models.motions.motion import Motion
 from models.motions.path_timing import path_system, timed
 from models.motions.paths import path_through
-from models.motions.straight_path import states_along, straight_path
+from models.motions.straight_timing import states_along, straight_path
 from models.motions.tool_motion import along_tool_path, through_tool_points
 from models.motions.tool_paths import arc, line, sampled
 from models.rigid_bodies import (
