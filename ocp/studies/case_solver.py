@@ -28,6 +28,7 @@ from ocp.transcription.schemes.scheme import Scheme
 SHORT_LADDER = (Smooth(), StraightLine())  # initial guesses for a case that is solved for the first time
 BETTER = 1e-6  # share of the cost by which a cold start must be lower to replace a warm one
 SHORTEST = 1.0 / 16.0  # step of the continuation between two cases, as a share of their distance
+LIGHTER = (0.5, 0.25)  # shares of the values of parameters from which a continuation begins
 KEPT = 8  # arc NLPs cached in one process
 
 
@@ -144,7 +145,7 @@ class CaseSolver:
             result = self._polished(task, continued, "continued") if continued is not None else None
         if result is None:
             cold = prepared(ladder, values)
-            if task.thorough and not cold.ok and (continued := self._from_nominal(task.case, problem, values)):
+            if task.thorough and not cold.ok and (continued := self._from_lighter(task.case, problem, values)):
                 return replace(self._polished(task, continued, "continued"), note=note)
             return replace(self._polished(task, cold, "cold"), note=note)
         if not self.settings.neighbours or not is_checked(task.id, self.settings.checked) or result.way == "cold":
@@ -172,17 +173,24 @@ class CaseSolver:
             return self._polished(task, warm, "warm"), note
         return None, f"{note}; warm start: {warm.message}".removeprefix("; ")
 
-    def _from_nominal(self, case: Case, problem: Problem, values: Mapping[str, float]) -> Solution | None:
-        """Return the solution of a case by continuation from the nominal values of its parameters, None if it fails."""
+    def _from_lighter(self, case: Case, problem: Problem, values: Mapping[str, float]) -> Solution | None:
+        """Return the solution of a case by continuation from other values of its parameters, None if that fails.
+
+        These are the nominal values, then shares of the values: smaller loads, masses and frictions are easier.
+        """
         nominal = problem.system.nominal
-        first = {**case, **{name: float(nominal[name]) for name in values if name in nominal}}
-        if first == dict(case):
-            return None
-        start, at = call(self.settings.function, first)
-        solved = self._nlp(start, at)(DEFAULT, at)
-        if not (isinstance(solved, Solution) and solved.ok):
-            return None
-        return self._continued(case, first, lambda _: solved)
+        parameters = [name for name in values if name in nominal and name in case]
+        starts = [{name: float(nominal[name]) for name in parameters}]
+        starts += [{name: share * values[name] for name in parameters} for share in LIGHTER]
+        for chosen in starts:
+            first = {**case, **chosen}
+            if first == dict(case):
+                continue
+            start, at = call(self.settings.function, first)
+            solved = self._nlp(start, at)(DEFAULT, at)
+            if isinstance(solved, Solution) and solved.ok:
+                return self._continued(case, first, lambda _, solved=solved: solved)  # type: ignore[misc]
+        return None
 
     def _continued(self, case: Case, first: Case, found: Callable[[Problem], Solution]) -> Solution | None:
         """Return the solution of a case at the end of a path of cases, each started from the last one.
