@@ -12,9 +12,9 @@ from ocp.transcription.nlp import Nlp
 def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
     """Return multipliers of the bounds (nz,) and of the rows (ng,) of an NLP, from a solution of its problem.
 
-    Costates are interpolated to the collocation points. Multipliers of bounds are integrals over an
-    element; they are distributed over the new elements in proportion to the overlap in time. Multipliers of
-    constrained expressions start at zero unless grid and scheme are the same.
+    Costates are interpolated to the collocation points. Multipliers of bounds and of constrained expressions are
+    integrals over an element; they are distributed over the new elements in proportion to the overlap in time. Those
+    of constrained expressions start at zero if the schemes have different numbers of points.
 
     Args:
         nlp: to be solved.
@@ -49,9 +49,11 @@ def multipliers(nlp: Nlp, solution: Solution) -> tuple[Array, Array]:
     limits[layout.state[-1, -1]] = held.x[-1, -1] * scaling.x
     if held.ends.shape == nlp.ends.shape:
         rows[nlp.ends] = held.ends
-    if len(held.path) == len(grid) and held.path.shape[1] == sum(r.shape[1] for r in nlp.path):
-        column = 0
+    if held.path.shape[1] == sum(r.shape[1] for r in nlp.path):
+        same, column = len(grid) == len(solution.grid), 0
         for indices in nlp.path:
-            rows[indices] = held.path[:, column : column + indices.shape[1]]
+            own = held.path[:, column : column + indices.shape[1]]
+            spread = np.repeat((shared @ own.sum(axis=1))[:, None] / indices.shape[1], indices.shape[1], axis=1)
+            rows[indices] = own if same else spread
             column += indices.shape[1]
     return limits, rows
