@@ -80,6 +80,11 @@ class Ipopt:
                 given = f"{checks.shown(name)}: {checks.shown(value)}"
                 raise ValueError(f"Ipopt: extra has {given}, expected the name of an option and a number or a text")
 
+    @property
+    def shown(self) -> bool:
+        """Whether progress is shown."""
+        return sys.stderr.isatty() if self.progress is None else self.progress
+
     def options(self, warm: bool, multipliers: bool = False) -> dict[str, Any]:
         """Return the options for nlpsol; those of IPOPT are in an entry of their own.
 
@@ -122,8 +127,7 @@ class Ipopt:
         options = self.options(start is not Start.COLD, start is Start.MULTIPLIERS) | dict(nlp.derivatives)
         if large:
             options["ipopt"] = {"mumps_pivot_order": QAMD, **options["ipopt"]}
-        shown = self.progress if self.progress is not None else sys.stderr.isatty()
-        watch = Watch(nlp, shown)
+        watch = Watch(nlp, self.shown)
         options["iteration_callback"] = watch
         try:
             return IpoptSolver(ca.nlpsol("solver", "ipopt", dict(nlp.expressions), options), watch)

@@ -14,6 +14,7 @@ from ocp import checks
 from ocp.checks import Array
 from ocp.numerics import compilation
 from ocp.numerics.compilation import Compilation
+from ocp.numerics.thread_cache import ThreadCache
 from ocp.problem.problem import Fixed, Problem, same_structure
 from ocp.problem.sequence import Sequence, parameter_values, phases_of
 from ocp.problem.singularities import singular_ends
@@ -29,7 +30,7 @@ from ocp.solving.nlp_solver import NlpResult, NlpSettings, PhysicalSolver, Start
 from ocp.solving.phase_solutions import solutions_of
 from ocp.solving.prechecks import contradictions, not_finite, standstill
 from ocp.solving.warm_start import multipliers as carried_multipliers
-from ocp.transcription.direct_collocation import free_parameters, transcribe
+from ocp.transcription.direct_collocation import free_parameters
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.guess import Guess
 from ocp.transcription.joining import JoinedNlp, join
@@ -38,7 +39,9 @@ from ocp.transcription.packing import pack
 from ocp.transcription.scaling import common, expression_scales, from_limits, table, unscaled
 from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Scheme
+from ocp.transcription.structure import transcribed
 
+KEPT = ThreadCache(8)  # solvers by the structure of their NLP
 ROUNDING = 1e-13  # no solver reaches a smaller tolerance in double precision
 
 
@@ -169,8 +172,7 @@ class Prepared:
         return self._solution(result, values, rung, setup, [])
 
     def _solver(self, start: Start) -> PhysicalSolver:
-        joined = self.joined
-        return physical_solver(joined.expressions, joined.derivatives, joined.scales, self.settings, start)
+        return _solver_of(self.joined, self.settings, start)
 
     def _bounds(self) -> tuple[Array, Array, Array, Array]:
         """Return lower and upper bounds of the unknowns and of the rows of all phases; rows that tie them are zero."""
@@ -267,11 +269,24 @@ def prepare(
     ])  # fmt: skip
     translate = compilation.compiled if compiled else None
     nlps = [
-        transcribe(part[0], scheme, grid, own, translate=translate) for part, own in zip(parts, scalings, strict=True)
+        transcribed(part[0], scheme, grid, own, translate) for part, own in zip(parts, scalings, strict=True)
     ]
     sequence = problem if isinstance(problem, Sequence) else None
     links = [(before, *parts[i], scalings[i]) for i, _, before, _ in (sequence.junctions if sequence else ())]
     joined = join(tuple(nlps), sequence, [expression_scales(*link) for link in links])
-    cold = physical_solver(joined.expressions, joined.derivatives, joined.scales, solver)
+    cold = _solver_of(joined, solver, Start.COLD)
     known = (problem, every, guesses) if given is None else None
     return Prepared(problem, joined, solver, time.perf_counter() - begun, known, cold)
+
+
+def _solver_of(joined: JoinedNlp, settings: NlpSettings, start: Start) -> PhysicalSolver:
+    """Return the solver of an NLP; that of IPOPT is kept for NLPs of the same structure with the same settings."""
+
+    def make() -> PhysicalSolver:
+        return physical_solver(joined.expressions, joined.derivatives, joined.scales, settings, start)
+
+    structure = joined.nlps[0].structure
+    alone = joined.expressions["x"] is joined.nlps[0].expressions["x"]
+    if not structure or not alone or type(settings) is not Ipopt:
+        return make()
+    return KEPT.get((structure, repr(settings), settings.shown, start), make)

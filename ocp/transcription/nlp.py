@@ -42,6 +42,7 @@ class Nlp:
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
     compilation: Compilation | None = None  # of the functions of an element, if asked for
     row_scales: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) scales of the rows of g
+    structure: bytes = b""  # digest of everything that the graphs depend on; empty if they are not kept
 
     @property
     def rows(self) -> int:
