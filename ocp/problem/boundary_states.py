@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.problem.constraints import Where, simple
+from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Fixed, Problem
 
 ITERATIONS = 30  # of Gauss-Newton
@@ -42,15 +42,17 @@ def _satisfying(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Arr
     wanted = [c for c in problem.subject_to if c.where is where and not ca.depends_on(c.expression, system.u)]
     if not wanted:
         return x, False
-    expression = ca.vertcat(*(c.expression for c in wanted))
     low, high = np.concatenate([c.lower for c in wanted]), np.concatenate([c.upper for c in wanted])
+    bounds = [(index, c.lower[k], c.upper[k]) for c in wanted for n, index, k in single_symbols(c, system) if n == 0]
+    x = x.copy()
+    for index, lower, upper in bounds:
+        # Bounds of single states are satisfied first; other expressions may not be defined for other values.
+        x[index] = np.clip(x[index], lower, upper)
+    if len(bounds) == len({index for index, _, _ in bounds}) == len(low):
+        return x, sum(lower == upper for _, lower, upper in bounds) == len(x)
+    expression = ca.vertcat(*(c.expression for c in wanted))
     function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
     whole = False
-    for constraint in wanted:
-        # Bounds of single states are satisfied first; other expressions may not be defined for other values.
-        for index, c in simple(constraint, system.x):
-            x = x.copy()
-            x[index] = np.clip(x[index], constraint.lower[c], constraint.upper[c])
     for _ in range(ITERATIONS):
         value, slope = (np.array(part) for part in function(x, p))
         short = np.clip(value.ravel(), low, high) - value.ravel()

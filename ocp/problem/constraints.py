@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -113,6 +114,23 @@ def simple(constraint: Constraint, symbols: ca.SX) -> list[tuple[int, int]]:
     ]
 
 
+@functools.lru_cache(maxsize=256)
+def single_symbols(constraint: Constraint, system: System) -> tuple[tuple[int, int, int], ...]:
+    """Return (0, 1, 2 for x, u, p; index in it; component) of the components that are single symbols of a system.
+
+    Asked for many times in one solve.
+    """
+    place = {
+        symbol.element_hash(): (number, i)
+        for number, column in enumerate((system.x, system.u, system.p))
+        if column.numel()
+        for i, symbol in enumerate(ca.vertsplit(column))
+    }
+    components = enumerate(ca.vertsplit(constraint.expression))
+    single = [(c, one.element_hash()) for c, one in components if one.is_symbolic()]
+    return tuple((*place[key], c) for c, key in single if key in place)
+
+
 def row_components(constraint: Constraint, system: System) -> tuple[int, ...]:
     """Return the components of a constraint that become rows of the NLP; the others are bounds of single unknowns.
 
@@ -121,8 +139,8 @@ def row_components(constraint: Constraint, system: System) -> tuple[int, ...]:
     if constraint.where is Where.PERIODIC:
         return tuple(range(constraint.expression.numel()))
     along_motion = constraint.where is Where.ALONG
-    bounds = simple(constraint, ca.vertcat(system.x, system.u, system.p) if along_motion else system.x)
-    return tuple(sorted(set(range(constraint.expression.numel())) - {c for _, c in bounds}))
+    bounds = {c for number, _, c in single_symbols(constraint, system) if along_motion or number == 0}
+    return tuple(c for c in range(constraint.expression.numel()) if c not in bounds)
 
 
 def _at_end(where: Where, expression: ca.SX, lower: Limit, upper: Limit, name: str) -> Constraint:

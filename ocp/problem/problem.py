@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.problem.constraints import Constraint, Where, along, row_components, simple, start
+from ocp.problem.constraints import Constraint, Where, along, row_components, simple, single_symbols, start
 from ocp.problem.integral_constraints import with_integrals
 from ocp.system import Label, System
 
@@ -225,7 +225,15 @@ def _same_cost(one: Bolza, other: Bolza) -> bool:
 @functools.lru_cache(maxsize=64)
 def _limits(problem: Problem, where: Where, number: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the limits on x, u or p (number 0, 1, 2); asked for many times in one solve."""
-    return _limits_of(problem, where, (problem.system.x, problem.system.u, problem.system.p)[number])
+    size = (problem.system.x, problem.system.u, problem.system.p)[number].numel()
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    for constraint in problem.subject_to:
+        if constraint.where is where:
+            for which, index, c in single_symbols(constraint, problem.system):
+                if which == number:
+                    low[index] = max(low[index], constraint.lower[c])
+                    high[index] = min(high[index], constraint.upper[c])
+    return low, high
 
 
 def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.polynomial import legendre as polynomials
 
@@ -14,7 +16,7 @@ from ocp.solution.solution import Solution
 MORE = 3  # the re-integration uses this many Gauss points more than the degree of the scheme
 
 
-def drift(solution: Solution, problem: Problem) -> Array:
+def drift(solution: Solution, problem: Problem, more: int = MORE) -> Array:
     """Return the integrated minus the stored state (N + 1, nx) at the ends of the elements, to first order.
 
     e_k+1 = Phi_k e_k + (phi_k(x_k) - x_k+1), with phi_k the motion over element k and Phi_k its derivative.
@@ -22,11 +24,12 @@ def drift(solution: Solution, problem: Problem) -> Array:
     Args:
         solution: of positive duration.
         problem: that it solves.
+        more: Gauss points of the re-integration beyond the degree of the scheme.
 
     Raises:
         LinAlgError: an element is so long that the equations of its re-integration are singular.
     """
-    local, transition, _ = propagated(solution, problem)
+    local, transition, _ = propagated(solution, problem, more)
     return accumulated(local, transition)
 
 
@@ -65,24 +68,27 @@ def accumulated(local: Array, transition: Array) -> Array:
     return away
 
 
-def propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Array]:
+def propagated(solution: Solution, problem: Problem, more: int = MORE) -> tuple[Array, Array, Array]:
     """Integrate every element from its own start by one Newton step of a Gauss collocation of higher order.
+
+    Args:
+        solution: of positive duration.
+        problem: that it solves.
+        more: Gauss points beyond the degree of the scheme.
 
     Returns:
         phi_k(x_k) - x_k+1 (N, nx), d phi_k/dx_k (N, nx, nx), and both at the Gauss points (N, m, nx, 1 + nx).
     """
     system, scheme = problem.system, solution.scheme
     count, nx = len(solution.grid), solution.states.shape[2]
-    nodes, weights = polynomials.leggauss(scheme.degree + MORE)
-    tau, weights = (nodes + 1.0) / 2.0, weights / 2.0
+    tau, weights, a = _gauss(scheme.degree + more)
     m = len(tau)
     _, x, rate, u = solution.samples(tau)
     f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(solution.parameters[:, None], len(x)))
     h = solution.duration * solution.grid.widths
-    missed = (np.array(f).T - rate).reshape(count, m, nx)
-    A = np.array(slope).reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
+    missed = (f.full().T - rate).reshape(count, m, nx)
+    A = slope.full().reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
     # delta_i = delta_0 + h sum_j a_ij (A_j delta_j + missed_j), once for delta_0 = 0 and once for each unit vector.
-    a = integration_matrix(tau)
     system_matrix = np.eye(m * nx) - h[:, None, None] * np.einsum("ij,kjab->kiajb", a, A).reshape(count, m * nx, m * nx)
     forced = (h[:, None, None] * np.einsum("ij,kja->kia", a, missed)).reshape(count, m * nx, 1)
     starts = np.broadcast_to(np.tile(np.eye(nx), (m, 1)), (count, m * nx, nx))
@@ -91,3 +97,11 @@ def propagated(solution: Solution, problem: Problem) -> tuple[Array, Array, Arra
     grown[..., 0] += missed
     end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
     return end[..., 0], np.eye(nx) + end[..., 1:], delta
+
+
+@functools.lru_cache(maxsize=16)
+def _gauss(points: int) -> tuple[Array, Array, Array]:
+    """Return points (m,), weights (m,) and integration matrix (m, m) of Gauss quadrature on [0, 1]."""
+    nodes, weights = polynomials.leggauss(points)
+    tau = (nodes + 1.0) / 2.0
+    return tau, weights / 2.0, integration_matrix(tau)

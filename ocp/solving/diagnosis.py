@@ -143,6 +143,7 @@ def _remedies(status: Status, problems: list[Problem], violated: bool) -> list[s
 
 
 RESOLVED = 1e-6  # drift relative to the largest value of the state, as in `verify`
+LOOK = 1  # Gauss points of the re-integration beyond the degree: a warning needs one digit
 LEAST = 1e-3  # smallest scale of a state in that comparison, relative to the largest state of the same unit
 
 
@@ -160,7 +161,7 @@ def unresolved(solution: Solution) -> list[str]:
         return []
     with np.errstate(all="ignore"):
         try:
-            away = np.abs(drift(solution, problem))
+            away = np.abs(drift(solution, problem, LOOK))
         except np.linalg.LinAlgError:
             away = np.full((len(solution.grid) + 1, solution.states.shape[2]), np.inf)
         largest = np.max(np.abs(solution.states), axis=(0, 1))

@@ -16,17 +16,16 @@ from ocp.problem.constraints import Where, start
 from ocp.problem.problem import Fixed, Free, Problem, parameters
 from ocp.problem.sequence import Sequence
 from ocp.solving.guess_completion import of_main_states
+from ocp.solving.path_following import SMOOTH_POINTS, balance, follow, layers_of, quintic
 from ocp.transcription.guess import Guess
 
 POINTS = 11  # points of a straight line
-SMOOTH_POINTS = 41  # points of a smooth motion
 STRETCHES = 16  # how often the duration is lengthened at most, until the controls satisfy their bounds
 FIRST_STRETCH, LEAST_STRETCH, LONGEST = 0.25, 1.25, 1e20  # first duration and smallest factor of one lengthening
 SHORTER, SHORTENINGS = 1.0 / 16.0, 16  # factor and number of shortenings, as long as all limits are satisfied
 NEGLIGIBLE = 1e-9  # share of the largest rate that is rounding
 MENDED = 1e-3  # share of the rate that the controls can cause directly: a smaller miss is mended by them
 ROUGH = 0.2  # share of its largest rate by which a state of a guess may miss the equations of motion
-ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and relative residual that ends it
 
 
 @of_main_states
@@ -46,8 +45,11 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     first, last, _ = ends(problem, p)
     share = np.linspace(0.0, 1.0, POINTS)
     x = first + share[:, None] * (last - first)
-    rates = np.tile((last - first) / duration, (POINTS, 1))
-    return Guess(share, x, _balance(problem, x, rates, p, slopes(problem.system).map(POINTS)), duration, np.zeros(0))
+    rates, (low, high) = np.tile((last - first) / duration, (POINTS, 1)), problem.limits(Where.ALONG, problem.system.u)
+    u0 = np.tile(np.clip(np.zeros(len(low)), low, high)[:, None], POINTS)
+    f, _, by_u = slopes(problem.system).map(POINTS)(x.T, u0, ca.repmat(p, 1, POINTS))
+    u = np.clip(balance(problem, rates, f.full().T, by_u.full().T), low, high)
+    return Guess(share, x, u, duration, np.zeros(0))
 
 
 @of_main_states
@@ -66,15 +68,17 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     p = parameters(problem, values)
     first, last, _ = ends(problem, p)
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    layers = _layers(problem)
+    layers = layers_of(problem)
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
     longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
     least, function = np.inf, slopes(problem.system).map(SMOOTH_POINTS)
+    path, tried = quintic(first, last, len(layers)), dict[float, Guess]()
     if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
-        path, kept = _path(first, last, len(layers)), _keeping(problem, p)
+        kept = _keeping(problem, p)
         for count in range(SHORTENINGS if np.any(first != last) else 0):
-            trial = _follow(problem, path, duration, layers, p, function)
+            trial = follow(problem, path, duration, layers, p, function)
+            tried[duration] = trial
             if not (kept(trial) and _is_motion(problem, trial, p, function)):
                 # The loop below lengthens the motion by the factor that the controls need.
                 duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
@@ -83,7 +87,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
                 break
             duration *= SHORTER
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
-        guess = _follow(problem, _path(first, last, len(layers)), duration, layers, p, function)
+        guess = tried.get(duration) or follow(problem, path, duration, layers, p, function)
         used = _use(guess.u, low, high)
         if used < least:
             best, least = guess, used
@@ -112,8 +116,8 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
     """
     p = parameters(problem, values)
     first, last, _ = ends(problem, p)
-    layers = _layers(problem)
-    path = _path(first, last, len(layers))
+    layers = layers_of(problem)
+    path = quintic(first, last, len(layers))
     low, high = problem.limits(Where.ALONG, problem.system.x)
     share = np.linspace(0.0, 1.0, SMOOTH_POINTS)
     for i in layers[-1] if layers else []:
@@ -124,7 +128,7 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
         path[:, i] = np.clip(path[:, i] + height * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
-    guess = _follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_POINTS))
+    guess = follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_POINTS))
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
@@ -192,89 +196,6 @@ def _duration(problem: Problem) -> float:
     if isinstance(horizon, Fixed):
         return horizon.duration
     return float(np.clip(horizon.guess, horizon.lower, horizon.upper))
-
-
-def _layers(problem: Problem) -> list[Array]:
-    """Return the indices of the states, grouped by the number of integrations between the controls and them."""
-    system = problem.system
-    by_u = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.u), 1.0).full(), dtype=bool)
-    by_x = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.x), 1.0).full(), dtype=bool)
-    left = np.ones(system.x.numel(), dtype=bool)
-    reached = by_u.any(axis=1) if by_u.size else np.zeros(len(left), dtype=bool)
-    layers = []
-    while reached.any():
-        layers.append(np.flatnonzero(reached))
-        left &= ~reached
-        reached = left & by_x[:, layers[-1]].any(axis=1)
-    return layers
-
-
-def _drifted(path: Array, ends: tuple[Array, Array], duration: float) -> Array:
-    """Return a path modified so that it starts and ends with given rates (nx,)."""
-    s = np.linspace(0.0, 1.0, len(path))[:, None]
-    leaving, arriving = s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5, -4.0 * s**3 + 7.0 * s**4 - 3.0 * s**5
-    return np.asarray(path + duration * (leaving * ends[0] + arriving * ends[1]))
-
-
-def _path(first: Array, last: Array, layers: int) -> Array:
-    """Return a path (K, nx) between two states: a quintic, or a septic for more than two integrations."""
-    share = np.linspace(0.0, 1.0, SMOOTH_POINTS)
-    if layers > 2:
-        step = share**4 * (35.0 - 84.0 * share + 70.0 * share**2 - 20.0 * share**3)
-    else:
-        step = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return np.asarray(first + step[:, None] * (last - first))
-
-
-def _follow(
-    problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
-) -> Guess:
-    """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
-    system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_POINTS), path.copy()
-    if system.t is not None:
-        x[:, system.clock] = path[0, system.clock] + share * duration
-    still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
-    held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
-    begun, _, _ = function(x.T, *held)
-    speeds = np.nan_to_num(np.array(begun).T[[0, -1]])
-    if layers:
-        x[:, layers[-1]] = _drifted(x[:, layers[-1]], (speeds[0, layers[-1]], speeds[1, layers[-1]]), duration)
-    for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
-        rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
-        for _ in range(ITERATIONS):
-            f, slope, _ = function(x.T, *held)
-            short = rates - np.array(f).T[:, known]
-            size = np.max(np.abs(rates), axis=0) + np.max(np.abs(np.array(f).T[:, known]), axis=0)
-            # Differences of constant states are rounding errors.
-            if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
-                break
-            blocks = np.array(slope).T.reshape(len(share), x.shape[1], x.shape[1]).transpose(0, 2, 1)
-            blocks = blocks[:, known[:, None], wanted]
-            if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))):
-                break
-            x[:, wanted] += _least_squares(blocks, short)
-    rates = np.gradient(x, share * duration, axis=0, edge_order=2)
-    return Guess(share, x, _balance(problem, x, rates, p, function, clip=False), duration, np.zeros(0))
-
-
-def _balance(problem: Problem, x: Array, rates: Array, p: ca.DM, function: ca.Function, clip: bool = True) -> Array:
-    system, count = problem.system, len(x)
-    low, high = problem.limits(Where.ALONG, system.u)
-    u0 = np.clip(np.zeros(len(low)), low, high)
-    f, _, b = function(x.T, np.tile(u0[:, None], count), ca.repmat(p, 1, count))
-    missing, blocks = rates - np.array(f).T, np.array(b).T.reshape(count, len(u0), x.shape[1]).transpose(0, 2, 1)
-    usable = np.isfinite(missing).all(axis=1) & np.isfinite(blocks).all(axis=(1, 2))
-    u = np.tile(u0, (count, 1))
-    if len(u0) and usable.any():
-        u[usable] += _least_squares(blocks[usable], missing[usable])
-    return np.clip(u, low, high) if clip else u
-
-
-def _least_squares(matrices: Array, right: Array) -> Array:
-    """Return the least-squares solutions (K, n) of stacks of systems (K, m, n), (K, m)."""
-    size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
-    size = np.where(size > 0.0, size, 1.0)
-    return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)
 
 
 def phase_guesses(

@@ -11,10 +11,11 @@ from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit, probes
 from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
-from ocp.problem.constraints import Where, simple
+from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, phases_of
 from ocp.system import Label
+from ocp.transcription.direct_collocation import free_parameters
 from ocp.transcription.guess import Guess
 
 ROUNDING = 1e-9  # error of a value relative to the sum of its absolute terms
@@ -63,7 +64,7 @@ def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Gue
     system, minimise = problem.system, problem.minimise
     first, last, fixed = ends(problem, ca.DM(values))
     timed = isinstance(problem.horizon, Free) and problem.horizon.lower == 0.0 and minimise.time > 0.0
-    limited = [c for c in problem.subject_to if c.where is Where.ALONG and simple(c, system.p)]
+    limited = len(free_parameters(problem)) > 0
     apart = [c for c in problem.subject_to if c.where is Where.PERIODIC]
     if not timed or not all(fixed) or limited or apart or np.any(first != last) or not minimise.running.is_zero():
         return None
@@ -150,14 +151,14 @@ def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
     A problem with free parameters is skipped: other values may satisfy the limit.
     """
     system = phase.system
-    if any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to):
+    if len(free_parameters(phase)):
         return
     states = [
         c
         for c in phase.subject_to
         if c.where is Where.ALONG
         and not ca.depends_on(c.expression, system.u)
-        and len(simple(c, ca.vertcat(system.x, system.p))) < c.expression.numel()
+        and len(single_symbols(c, system)) < c.expression.numel()
     ]
     if not states or ca.symvar(ca.vertcat(*(c.expression for c in states))) == []:
         return

@@ -30,6 +30,7 @@ from ocp.solving.nlp_solver import NlpResult, NlpSettings, PhysicalSolver, Start
 from ocp.solving.phase_solutions import solutions_of
 from ocp.solving.prechecks import contradictions, not_finite, standstill
 from ocp.solving.warm_start import multipliers as carried_multipliers
+from ocp.transcription import structure
 from ocp.transcription.direct_collocation import free_parameters
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.guess import Guess
@@ -268,9 +269,7 @@ def prepare(
         for phase, first, numbers in parts
     ])  # fmt: skip
     translate = compilation.compiled if compiled else None
-    nlps = [
-        transcribed(part[0], scheme, grid, own, translate) for part, own in zip(parts, scalings, strict=True)
-    ]
+    nlps = [transcribed(part[0], scheme, grid, own, translate) for part, own in zip(parts, scalings, strict=True)]
     sequence = problem if isinstance(problem, Sequence) else None
     links = [(before, *parts[i], scalings[i]) for i, _, before, _ in (sequence.junctions if sequence else ())]
     joined = join(tuple(nlps), sequence, [expression_scales(*link) for link in links])
@@ -285,8 +284,13 @@ def _solver_of(joined: JoinedNlp, settings: NlpSettings, start: Start) -> Physic
     def make() -> PhysicalSolver:
         return physical_solver(joined.expressions, joined.derivatives, joined.scales, settings, start)
 
-    structure = joined.nlps[0].structure
-    alone = joined.expressions["x"] is joined.nlps[0].expressions["x"]
-    if not structure or not alone or type(settings) is not Ipopt:
+    kept_as, alone = joined.nlps[0].structure, joined.expressions["x"] is joined.nlps[0].expressions["x"]
+    if not kept_as or not alone or type(settings) is not Ipopt:
         return make()
-    return KEPT.get((structure, repr(settings), settings.shown, start), make)
+    return KEPT.get((kept_as, repr(settings), settings.shown, start), make)
+
+
+def forget_structures() -> None:
+    """Forget the graphs and solvers that this thread keeps for the next problem of the same structure."""
+    KEPT.clear()
+    structure.KEPT.clear()

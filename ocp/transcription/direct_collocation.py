@@ -14,7 +14,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.compilation import Compile
-from ocp.problem.constraints import Where, row_components, simple
+from ocp.problem.constraints import Where, row_components, single_symbols
 from ocp.problem.equations_along import path_equalities
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
@@ -270,7 +270,8 @@ def free_parameters(problem: Problem) -> Array:
         index
         for constraint in problem.subject_to
         if constraint.where is Where.ALONG
-        for index, _ in simple(constraint, problem.system.p)
+        for number, index, _ in single_symbols(constraint, problem.system)
+        if number == 2
     }
     return np.array(sorted(result), dtype=int)
 

@@ -11,7 +11,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit, probes
 from ocp.numerics.rate_functions import slopes as slopes_of
-from ocp.problem.constraints import Constraint, Where, row_components
+from ocp.problem.constraints import Constraint, Where, single_symbols
 from ocp.problem.problem import Problem
 from ocp.transcription.guess import Guess
 
@@ -176,7 +176,7 @@ def _constraint_scales(
     """Return the scales of the components of a constraint."""
     sides = np.abs(np.stack([constraint.lower, constraint.upper]))
     limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
-    if not row_components(replace(constraint, where=Where.ALONG), problem.system):
+    if len(single_symbols(constraint, problem.system)) == len(limit):
         return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
     seen = _largest_change(constraint.expression, problem, guess, p, corner)
     return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))

@@ -59,10 +59,11 @@ def structure_of(problem: Problem, scheme: Scheme, elements: int, scaling: Scali
     digest = hashlib.blake2b(digest_size=24)
     for graph in graphs:
         digest.update(str(graph.serialize()).encode())
-    arrays = [scheme.points, scheme.weights, scheme.nodes, scheme.state, scheme.rate, scaling.x, scaling.u, scaling.free]
+    arrays = [scheme.points, scheme.weights, scheme.nodes, scheme.state, scheme.rate]
+    arrays += [scaling.x, scaling.u, scaling.free, *scaling.limits]
     numbers = elements, cost.time, isinstance(problem.horizon, Fixed), scaling.horizon, scaling.cost, scheme.at
     words = scheme.name, scheme.degree, scheme.control.value, scheme.basis, scheme.slope_at_start
     digest.update(repr((numbers, words, [c.where.value for c in problem.subject_to])).encode())
-    for array in (*arrays, *scaling.limits):
+    for array in arrays:
         digest.update(repr(array.shape).encode() + array.tobytes())
     return digest.digest()
