@@ -30,6 +30,7 @@ from ocp.solving.guess_rungs import CoarseGrid, ParameterPath, Smooth, StraightL
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.local_optima import Optimum, multistart
 from ocp.solving.prepared_nlp import Prepared, prepare
+from ocp.solving.resolving_grid import resolved
 from ocp.solving.solver import solve
 from ocp.studies.designs import LatinHypercube, Listed, Product, Random, Sobol, Zip
 from ocp.studies.store import Store, StoreError
@@ -55,6 +56,7 @@ __all__ = [
     "StudyTable", "System", "Timings", "Tolerance", "Trajectory", "WiderLimits", "Zip", "absolute", "along", "end",
     "estimate", "extend", "gentle", "gentlest", "given", "inside", "integral", "integrators", "legendre", "load",
     "lobatto", "multistart", "outside", "periodic", "point_to_point", "polish", "positive_part", "prepare",
-    "prepare_structure", "radau", "save", "sensitivity", "simulate", "smooth", "solve", "solve_to_accuracy",
+    "prepare_structure", "radau", "resolved", "save", "sensitivity", "simulate", "smooth", "solve",
+    "solve_to_accuracy",
     "start", "straight_line", "sweep", "time_derivative", "uniform", "verify",
 ]  # fmt: skip

@@ -174,6 +174,7 @@ def unresolved(solution: Solution) -> list[str]:
         return []
     return [
         f"the grid does not resolve the motion: integrated with these controls, {labels[i].name} leaves it by about "
-        f"{share[k, i]:.1e} of its largest value at t = {solution.nodes[k]:.4g} s; a finer grid or "
-        "solve_to_accuracy cures it, and a motion that is unstable without feedback needs one most"
+        f"{share[k, i]:.1e} of its largest value at t = {solution.nodes[k]:.4g} s; "
+        "resolved(solution), a finer grid or solve_to_accuracy cures it, and a motion that is unstable without "
+        "feedback needs one most"
     ]

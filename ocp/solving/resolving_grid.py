@@ -23,7 +23,8 @@ from ocp.solving.nlp_solver import NlpSettings, limited
 from ocp.solving.prepared_nlp import prepare
 from ocp.transcription.grid import Grid
 
-ALLOWED = 5e-7  # drift relative to the scale of the state; half of what `verify` allows
+DRIFTS = 1e-6  # drift relative to the scale of the state that `verify` allows
+ALLOWED = 5e-7  # that a refined grid may leave
 AIM = 0.4  # share of it that the refined elements may leave together
 CONCENTRATED = 0.01  # elements with less than this share of the largest error are not split yet
 MOST_PARTS = 4  # that an element is split into
@@ -40,9 +41,9 @@ def resolved(
 ) -> AnySolution:
     """Return a solution on a grid that resolves its motion; the same one if its grid does, or if that does not help.
 
-    Elements in which the equations of motion are missed between the points are split into 2 to 4, and the problem is
-    solved again from the motion found, up to six times, until the motion integrated with its own controls stays within
-    5e-7 of the scale of every state. The message says so.
+    If the motion integrated with its own controls leaves it by more than 1e-6 of the scale of a state, elements in
+    which the equations of motion are missed between the points are split into 2 to 4, and the problem is solved again
+    from the motion found, up to six times, until 5e-7 are left. The message says so.
 
     Args:
         solution: with its problem; only a solved one is refined. Phases of a sequence have one grid.
@@ -59,7 +60,7 @@ def resolved(
     phases = _phases(solution)
     if any(phase.problem is None for phase in phases):
         raise ValueError("resolved: this solution was loaded without its problem; use load(path, problem=...)")
-    begun, best, grid = time.perf_counter(), solution, _finer(solution) if solution.ok else None
+    begun, best, grid = time.perf_counter(), solution, _finer(solution, DRIFTS) if solution.ok else None
     first, numbers = len(phases[0].grid), _values(solution) if values is None else values
     for _ in range(ROUNDS):
         left = seconds - (time.perf_counter() - begun)
@@ -73,7 +74,7 @@ def resolved(
         if isinstance(again, Solution):
             again = replace(again, rung=solution.rung)
         best = replace(again, iterations=best.iterations + again.iterations)
-        grid = _finer(best)
+        grid = _finer(best, ALLOWED)
     if best is solution:
         return solution
     words = f"solved again with {len(_phases(best)[0].grid)} elements instead of {first}, finer where rates jump"
@@ -94,12 +95,12 @@ def _values(solution: AnySolution) -> dict[str, float]:
     }
 
 
-def _finer(solution: AnySolution) -> Grid | None:
+def _finer(solution: AnySolution, drifts: float) -> Grid | None:
     """Return the grid of the next solve; None if this one resolves the motion, or there is nothing to split."""
     phases = _phases(solution)
     parts = [_missed(phase) for phase in phases if phase.duration > 0.0 and np.all(np.isfinite(phase.data))]
     total = max((drift for _, drift in parts), default=0.0)
-    if not ALLOWED < total < np.inf:
+    if not drifts < total < np.inf:
         return None
     share, grid = np.max([local for local, _ in parts], axis=0), phases[0].grid
     allowed = AIM * ALLOWED / len(grid)

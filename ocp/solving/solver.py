@@ -12,10 +12,11 @@ from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
 from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
-from ocp.solving.guess_rungs import Smooth, StraightLine
+from ocp.solving.guess_rungs import Smooth, StraightLine, WiderLimits
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prechecks import warnings_before
 from ocp.solving.prepared_nlp import prepare
+from ocp.solving.resolving_grid import resolved
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -31,12 +32,14 @@ def solve(
     """Solve a problem by direct collocation and return a solution, also if the solve fails.
 
     Constraints are rows of the NLP at the nodes. Where the motion exceeds a nonlinear limit of states, such as an
-    obstacle, between them, the grid is refined there and the problem solved again; the message says so.
+    obstacle, between them, the grid is refined there and the problem solved again. The default grid is refined as well
+    where it does not resolve the motion, such as dry friction where a velocity reverses (`resolved`). The message says
+    so.
 
     Args:
         problem: a Problem, or a Sequence of them.
         scheme: default radau(3), constant controls.
-        grid: default uniform(50).
+        grid: one that is given is kept where the motion is not resolved; default uniform(50), refined there.
         solver: settings, default Ipopt().
         guess: a Guess, a solution of the same system (on any grid) or its file, or a ladder of rungs; None for the
             default ladder: a smooth motion, the straight line, a coarse grid, wider limits, until one is solved.
@@ -53,6 +56,8 @@ def solve(
     warnings = warnings_before(problem, prepared.numbers(values))
     prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
     if warnings and guess is None:
-        guess = (Smooth(), StraightLine())  # no long search for a motion that is probably impossible
+        # No long search for a motion that is probably impossible; one with wider limits shows whether it is.
+        guess = (Smooth(), StraightLine(), WiderLimits())
     result = held_between_nodes(prepared(guess, values), problem, scheme, solver, values)
+    result = resolved(result, solver, values) if grid is None and result.ok else result
     return replace(result, message=f"{result.message}; but {'; '.join(warnings)}") if warnings and result.ok else result

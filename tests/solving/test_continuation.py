@@ -6,7 +6,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ocp import Bolza, Fixed, Free, Problem, System, along, end, point_to_point, solve, start, uniform
+from models.effects import Gravity, Payload
+from models.forms import canonical
+from models.scenes.scene_template import TASKS
+from ocp import Bolza, Fixed, Free, Ipopt, Problem, System, along, end, point_to_point, solve, start, uniform, verify
 from ocp.solving.guess_rungs import LeastEffort
 
 NONE = ca.SX(0, 1)
@@ -58,3 +61,34 @@ def test_least_effort_keeps_the_duration_within_its_limits() -> None:
     assert solve(fixed).ok
     with pytest.raises(ValueError, match="increasing numbers > 0"):
         LeastEffort((2.0, 1.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("elements", "known"), [(20, 2.26597), (40, 2.23566)])
+def test_a_load_that_the_drives_cannot_hold_is_swung_to_the_goal(elements: int, known: float) -> None:
+    task = TASKS["spherical"]
+    arm = canonical(task.machine(), [Gravity(), Payload(20.0)])
+    problem = point_to_point(arm, task.q0, task.q1, q=(task.q_min, task.q_max), tau=task.limit)
+    solution = solve(problem, grid=uniform(elements), solver=Ipopt(progress=False))
+    assert solution.ok, solution.message
+    assert "cannot hold the end" in solution.message
+    assert solution.duration == pytest.approx(known, abs=1e-4)  # found from 0 kg in steps of 2 kg, each from the last
+
+
+@pytest.mark.slow
+def test_a_pendubot_without_an_upper_time_is_no_unbounded_problem() -> None:
+    x, u = ca.SX.sym("x", 4), ca.SX.sym("u")
+    q1, q2, v1, v2 = ca.vertsplit(x)
+    coupled, gravity = 0.5 * ca.cos(q2), 9.81
+    a, b, d = 5.0 / 3.0 + 2.0 * coupled, 1.0 / 3.0 + coupled, 1.0 / 3.0
+    h = 0.5 * ca.sin(q2)
+    weights = 1.5 * gravity * ca.sin(q1) + 0.5 * gravity * ca.sin(q1 + q2), 0.5 * gravity * ca.sin(q1 + q2)
+    r1 = u + h * v2 * v1 + h * (v1 + v2) * v2 - weights[0]
+    r2 = -h * v1 * v1 - weights[1]
+    det = a * d - b * b
+    system = System(x, u, rate=ca.vertcat(v1, v2, (d * r1 - b * r2) / det, (a * r2 - b * r1) / det))
+    limits = start(x, np.zeros(4)), end(x, [np.pi, 0.0, 0.0, 0.0]), along(u, -20.0, 20.0)
+    free, bounded = (Problem(system, horizon, Bolza(time=1.0), limits) for horizon in (Free(1.0), Free(1.0, upper=9.0)))
+    found = solve(free, solver=Ipopt(progress=False))
+    assert verify(found).ok, verify(found)
+    assert found.duration == pytest.approx(solve(bounded, solver=Ipopt(progress=False)).duration, rel=1e-6)
