@@ -2,7 +2,7 @@
 
 from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.refinement import solve_to_accuracy
-from ocp.accuracy.report import Report
+from ocp.accuracy.report import Allowed, Report
 from ocp.accuracy.tolerances import Cost, Seconds, Share, Signal, Tolerance
 from ocp.accuracy.verification import verify
 from ocp.arcs.carry_over import PreparedStructure, prepare_structure
@@ -47,7 +47,7 @@ from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 __all__ = [
-    "Accuracy", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
+    "Accuracy", "Allowed", "Ball", "Bolza", "Box", "CoarseGrid", "Constraint", "Control", "Cost", "Cylinder", "Errors",
     "Fixed", "Free", "Grid", "Guess", "HalfSpace", "Held", "Ipopt", "Label", "LatinHypercube", "Listed",
     "Multipliers", "Optimum", "Outcome", "ParameterPath", "Prepared", "PreparedStructure", "Problem", "Product",
     "Random", "Report", "Scheme", "Seconds", "Sensitivity", "Sequence", "SequenceSensitivity",

@@ -11,12 +11,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from ocp import checks
 from ocp.accuracy.optimality_figures import optimality
-from ocp.accuracy.report import Report
+from ocp.accuracy.report import Allowed, Report
 from ocp.checks import Array
 from ocp.integrators.simulation import Trajectory, simulate
 from ocp.problem.problem import Problem
 from ocp.solution.attached_problem import with_problem
+from ocp.solution.cost_scale import scale_of_cost
 from ocp.solution.figure import Figure
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
@@ -29,7 +31,9 @@ SCALE = "the scale of each state"
 TURNOVER = "the energy turned over"
 
 
-def verify(solution: Solution | SequenceSolution, problem: Problem | None = None) -> Report:
+def verify(
+    solution: Solution | SequenceSolution, problem: Problem | None = None, allowed: Allowed | None = None
+) -> Report:
     """Check a solution by means that the solve did not use.
 
     drift: x' = f(x, u(t), p) integrated from x(0) with steps of order 16 and a tolerance of 1e-12, restarted at every
@@ -44,6 +48,7 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     Args:
         solution: of any status; of a sequence, the worst figure of all phases, and gaps between phases are violations.
         problem: needed only for a solution loaded without it.
+        allowed: what counts as verified, such as Allowed(drift=1e-5); None for the defaults.
 
     Raises:
         ValueError: no problem.
@@ -51,8 +56,10 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
     Source: the Hamiltonian of an autonomous problem is constant (Pontryagin et al., The Mathematical Theory of
         Optimal Processes); the decrease of H bounds the gain of the cost to first order.
     """
+    checks.instance("verify: allowed", allowed, Allowed | None, "an Allowed(...), or None")
+    allowed = Allowed() if allowed is None else allowed
     if isinstance(solution, SequenceSolution):
-        return _merged([verify(phase) for phase in solution.phases], _gaps(solution))
+        return _merged([verify(phase, None, allowed) for phase in solution.phases], _gaps(solution))
     solution, problem = with_problem("verify", solution, problem)
     scale, energy_scale = scales_of_states(solution, problem)
     drift, end, energy = _reintegrated(solution, problem, scale, energy_scale)
@@ -62,10 +69,38 @@ def verify(solution: Solution | SequenceSolution, problem: Problem | None = None
         share, "share", "the range of the limit", worst.what if worst else "", worst.at if worst else np.nan
     )
     conditions = optimality(solution, problem)
+    amounts = {
+        "drift": _amount(drift, scale, problem.system),
+        "violation": f"{float(worst):.2g} {worst.unit}".strip() if worst is not None and share > 0.0 else "",
+        "switching": gain_in_words(conditions.gain, solution, problem),
+    }
     return Report(
         solution.status.name, drift, end, violation, conditions.deviation, conditions.mean, conditions.offset,
-        conditions.gain, energy, tuple(figure for _, figure in beyond),
+        conditions.gain, energy, tuple(figure for _, figure in beyond), allowed, amounts, len(solution.grid),
+        solution.scheme.order,
     )  # fmt: skip
+
+
+def _amount(drift: Figure, scale: Array, system: System) -> str:
+    """Return a drift in the unit of its state."""
+    labels = system.label("x", len(scale))
+    amounts = [f"{drift * s:.2g} {label.unit}".strip() for label, s in zip(labels, scale, strict=True)
+               if label.name == drift.what]  # fmt: skip
+    return next(iter(amounts), "") if np.isfinite(drift) else ""
+
+
+def gain_in_words(gain: float, solution: Solution, problem: Problem) -> str:
+    """Return a share of the cost in the unit of the cost: seconds if it is the duration; empty if undefined.
+
+    Args:
+        gain: share of the cost.
+        solution: with its cost.
+        problem: that it solves.
+    """
+    cost = problem.minimise
+    timed = cost.time == 1.0 and all(part.is_zero() for part in (cost.running, cost.final, cost.initial))
+    unit = "s" if timed else "of the cost"
+    return f"{gain * scale_of_cost(solution, problem):.2g} {unit}" if np.isfinite(gain) else ""
 
 
 def _gaps(solution: SequenceSolution) -> list[tuple[float, Figure]]:
@@ -100,6 +135,7 @@ def _merged(reports: list[Report], gaps: list[tuple[float, Figure]]) -> Report:
     return Report(
         bad[0] if bad else "SOLVED", worst("drift"), worst("drift_end"), violation, worst("hamiltonian"),
         reports[0].hamiltonian_value, worst("hamiltonian_offset"), worst("switching"), worst("energy"), excess,
+        reports[0].allowed, {}, max(report.elements for report in reports), reports[0].order,
     )  # fmt: skip
 
 
