@@ -22,6 +22,7 @@ from reports import effect_budget as budget
 from reports.arm_template import template
 from reports.controller_files import write_at_rate
 from reports.motion_account import Files, account, describe, named
+from reports.motion_solving import add_solving, checks_of, find
 from reports.motion_table import at_points, tabulate, write_csv
 from reports.output import add_output, output_folder, working
 from reports.own_models import add_own_models, include_own_models
@@ -34,7 +35,7 @@ from models.scenes.scene_template import TASKS, scene_text
 from models.scenes.task import Task
 from models.scenes.task_file import of_document
 from models.scenes.toml_document import SceneError, Table, parse, read_document
-from ocp import SequenceSolution, Solution, polish, radau, save, solve, uniform, verify
+from ocp import SequenceSolution, Solution, save, uniform, verify
 
 EXAMPLES = """examples:
   python scripts/time_optimal.py                                 the default task of the spherical manipulator
@@ -111,16 +112,12 @@ def find_motion(
     show(f"{task.elements} elements of radau(3), one control value for each; solving ...")
     for note in scene.system.notes:
         show(f"note: {note}")
-    with working("solving", shown, own_line=True):
-        solution = solve(task.problem(scene.system), scheme=radau(3), grid=uniform(task.elements))
-    if options.polish:
-        with working("polishing", shown, own_line=True):
-            solution = polish(solution)
+    solution, asked = find(task, scene.system, options, show, shown), checks_of(options)
     with working("verifying", shown):
-        report = verify(solution)
+        report = verify(solution, allowed=asked.allowed)
     times, table, unrecovered = tabulate(solution, scene)
     difference = torque_difference(solution, scene, table)
-    result = verdict(solution, report, difference)
+    result = verdict(solution, report, difference, asked.torques)
     try:
         with working("drawing", shown):
             files = write(solution, scene, task, (times, table), result.ok, options)
@@ -253,7 +250,7 @@ def command_line() -> argparse.ArgumentParser:
         metavar="F",
         help="largest force of every drive [N m or N]",
     )
-    parser.add_argument("--nodes", type=_elements, metavar="N", help="elements of the grid (default: of the scene, 50)")
+    add_solving(parser)
     add_own_models(parser)
     parser.add_argument("--rate", type=float, metavar="HZ", help="write CSV and JointTrajectory at this rate, too")
     add_output(parser, "CSV, NPZ, pictures and report")
@@ -264,19 +261,9 @@ def command_line() -> argparse.ArgumentParser:
     )  # fmt: skip
     parser.add_argument("--card", action="store_true", help="print the card of the scene and the task, and stop")
     parser.add_argument("--budget", action="store_true", help="solve again with each effect left out; what each costs")
-    parser.add_argument(
-        "--polish", action="store_true", help="make the switching times unknowns; t_f to about nine digits"
-    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--json", action="store_true", help="print the account as JSON")
     return parser
-
-
-def _elements(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"got {value}, expected a whole number >= 1")
-    return value
 
 
 def _silent(_: str) -> None:

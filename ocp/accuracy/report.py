@@ -100,8 +100,10 @@ class Report:
             name: drift, violation or energy.
         """
         powers = {"drift": self.order, "energy": self.order, "violation": 2}
+        if name not in powers:
+            return 0
         figure = float(self._figure(name))
-        if name not in powers or not self.elements or not np.isfinite(figure) or figure <= 0.0:
+        if not self.elements or not np.isfinite(figure) or figure <= 0.0:
             return 0
         factor = min((figure / getattr(self.allowed, name)) ** (1.0 / powers[name]), 20.0)
         return max(int(np.ceil(self.elements * (factor - 1.0) / 10.0)) * 10, 0)

@@ -83,6 +83,7 @@ def multistart(
     grid: Grid | None = None,
     solver: NlpSettings | None = None,
     values: Mapping[str, float] | None = None,
+    first: Solution | None = None,
 ) -> Optima:
     """Solve from many starts and return the distinct local optima, best first.
 
@@ -99,6 +100,7 @@ def multistart(
         grid: default uniform(50).
         solver: settings.
         values: of parameters, by name.
+        first: a solution of the problem that takes the place of the first start; None to solve from it.
 
     Returns:
         The optima, a tuple with `.message`; if no start is solved, nor the default ladder of guesses, it is empty and
@@ -119,8 +121,9 @@ def multistart(
     task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
+    checks.instance("multistart: first", first, Solution | None, "a Solution of the problem, or None")
     begun = time.perf_counter()
-    results = [_solve_start(task, 0)]
+    results = [_solve_start(task, 0) if first is None else first]
     if not _refused(results[0]):
         rest = range(1, starts)
         others = map if executor is None else executor.map

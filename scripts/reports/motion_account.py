@@ -11,8 +11,8 @@ import numpy as np
 from models import Scene
 from models.effects import Gravity
 from models.mechanics.terms import name_of
-from models.plots.signals import phases
-from ocp import Report, SequenceSolution, Solution
+from models.plots.signals import minimised, phases, problem_of
+from ocp import Free, Report, SequenceSolution, Solution
 from reports.motion_table import finite
 from reports.verdict import Verdict
 
@@ -49,6 +49,32 @@ def account(
     }
 
 
+NO_BALANCE = "no balance: the system has no signals energy and power"
+
+
+def optimality(solution: Solution | SequenceSolution, report: Report) -> list[str]:
+    """Return lines with the cost, if it is not the duration, and with its distance from this local optimum."""
+    cost, words = problem_of(phases(solution)[0][0]).minimise, []
+    timed = cost.time == 1.0 and cost.running.is_zero() and cost.final.is_zero() and cost.initial.is_zero()
+    if not timed:
+        words.append(f"cost         {solution.cost:.6g}, {minimised(solution)}")
+    if not np.isfinite(report.switching):
+        return [
+            *words,
+            "above opt.   not estimated: limits that couple drives (torque-speed, power) have no switching function",
+        ]
+    amount = report.amounts.get("switching") or f"{100 * report.switching:.2g} % of the cost"
+    return [*words, f"above opt.   about {amount} above this local optimum, by the switching functions (first order)"]
+
+
+def hamiltonian(solution: Solution | SequenceSolution, report: Report) -> str:
+    """Return the mean of the Hamiltonian, its deviation, and what an optimal motion has."""
+    problem = problem_of(phases(solution)[0][0])
+    free = isinstance(problem.horizon, Free)
+    optimal = f"{-problem.minimise.time:g} is optimal" if free else "constant along an optimal motion"
+    return f"{report.hamiltonian_value:.4f} in the mean ({optimal}), deviation {report.hamiltonian:.1e}"
+
+
 def describe(
     show: Callable[[str], None], solution: Solution | SequenceSolution, report: Report, difference: float | str,
     verdict: Verdict, files: Files,
@@ -71,21 +97,17 @@ def describe(
     show(f"t_f          {solution.duration:.{digits}f} s ({status}, {solution.iterations} iterations)")
     if "polished" in solution.message:
         show(f"polish       {solution.message.partition('; ')[2]}")
-    if np.isfinite(report.switching):
-        show(f"above best   about {report.switching * solution.cost:.1e} s, by the switching functions (first order)")
-    else:
-        show(
-            "above best   not estimated: limits that couple the drives (torque-speed, power) have no switching function"
-        )
+    for line in optimality(solution, report):
+        show(line)
     if isinstance(solution, SequenceSolution):
         show(f"legs         {', '.join(f'{leg.duration:.6f}' for leg in solution.phases)} s")
     show(f"drift        {report.drift:.1e} of the range of its state, re-integrated at 1e-12")
     where = f" ({report.violation.what})" if report.violation > 0.0 else ""
     show(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
-    show(f"Hamiltonian  {report.hamiltonian_value:.4f} in the mean (-1 is optimal), deviation {report.hamiltonian:.1e}")
+    show(f"Hamiltonian  {hamiltonian(solution, report)}")
     if structure is not None:
         show(f"structure\n{structure}")
-    show(f"energy       balance open by {report.energy:.1e}")
+    show(f"energy       {f'balance open by {report.energy:.1e}' if np.isfinite(report.energy) else NO_BALANCE}")
     if isinstance(difference, str):
         show(f"torques      those of the solution: {difference}")
     else:

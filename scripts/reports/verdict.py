@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp import Report, SequenceSolution, Solution, Status
+from reports.motion_solving import AGREEMENT
 
-AGREEMENT = 1e-8  # of recovered torques with those of the solution, share of the limit
 TRIED = re.compile(r" \(guesses tried: [^)]*\)")
 ADVICE = ("raise ", "move ", "loosen ", "widen ", "give ", "use ", "try ")
 SMALL = 1e-3  # share of the duration below which a possible gain is not worth a finer grid
@@ -28,15 +28,18 @@ class Verdict:
         return self.sentence if self.ok else f"NOT VERIFIED: {self.cause}. Remedy: {self.remedy}"
 
 
-def verdict(solution: Solution | SequenceSolution, report: Report, difference: float) -> Verdict:
+def verdict(
+    solution: Solution | SequenceSolution, report: Report, difference: float, agreement: float = AGREEMENT
+) -> Verdict:
     """Return the verdict on a motion.
 
     Args:
         solution: of any status.
         report: of `verify`.
         difference: of the recovered torques from those of the solution, share of the limit.
+        agreement: difference that is accepted.
     """
-    cause, remedy = _fault(solution, report, difference)
+    cause, remedy = _fault(solution, report, difference, agreement)
     if not cause:
         return Verdict(True, f"verified: {_accuracy(solution, report)}")
     return Verdict(False, f"not verified: {cause}", cause, remedy)
@@ -64,25 +67,34 @@ def diagnosis(message: str) -> tuple[str, str]:
     return (*too_short, parts[0 if general else first - 1])[0], parts[first]
 
 
-def _fault(solution: Solution | SequenceSolution, report: Report, difference: float) -> tuple[str, str]:
-    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
-    finer = f"a finer grid, --nodes {2 * max(len(leg.grid) for leg in legs)}"
+def _fault(
+    solution: Solution | SequenceSolution, report: Report, difference: float, agreement: float
+) -> tuple[str, str]:
     if not solution.ok:
         return diagnosis(solution.message)
-    words = " ".join(report.failures)
-    if "drifts" in words:
-        return f"integrated with its own torques the motion drifts away by {report.drift:.1e} of the range", finer
-    if "limit is exceeded" in words:
+    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
+    elements = max(len(leg.grid) for leg in legs)
+    name = next(iter(report.cures), "")
+    finer = f"--nodes {elements + (report.more_elements(name) or elements)}, or --accuracy 1e-4"
+    amount = f" ({report.amounts[name]})" if report.amounts.get(name) else ""
+    if name == "drift":
+        drift = f"{report.drift:.1e} of the range{amount}"
+        return f"integrated with its own torques the motion drifts away by {drift}", finer
+    if name == "violation":
         what = f" ({report.violation.what})" if report.violation.what else ""
         return f"a limit is exceeded by {100 * report.violation:.2g} % of its range between nodes{what}", finer
-    if "energy" in words:
+    if name == "energy":
         return f"the energy balance is open by {report.energy:.1e}", finer
-    if "Hamiltonian" in words or "switching" in words:
+    if name:
         gain = report.switching if np.isfinite(report.switching) else report.hamiltonian_offset
-        return f"the motion could still gain about {100 * gain:.2g} % of its cost", f"--polish, or {finer}"
-    if not difference <= AGREEMENT:
-        return f"the recovered torques differ from the controls by {difference:.1e} of the limit", finer
-    return words, finer if words else ""
+        return f"the motion could still gain about {100 * gain:.2g} % of its cost{amount}", f"--polish, or {finer}"
+    if not difference <= agreement:
+        return (
+            f"the recovered torques differ from the controls by {difference:.1e} of the limit",
+            f"--nodes {2 * elements}, or --allow torques={2.0 * difference:.0e}",
+        )
+    words = " ".join(report.failures)
+    return words, f"--nodes {2 * elements}" if words else ""
 
 
 def _accuracy(solution: Solution | SequenceSolution, report: Report) -> str:
