@@ -428,7 +428,7 @@ def alp_rider():
     )
     alps = sum(w * ca.exp(-k * (t - at) ** 2) for w, at, k in ((3, 3, 12), (3, 6, 10), (3, 10, 6), (8, 15, 4)))
     limits = start(x, [2.0, 1.0, 2.0, 1.0, 0.0]), end(x[:4], [2.0, 3.0, 1.0, -2.0])
-    limits += (along(ca.sumsqr(x[:4]) - alps, lower=0.0),)
+    limits += (along(ca.sumsqr(x[:4]) - alps, lower=0.01),)
     cost = Bolza(running=100.0 * ca.sumsqr(x[:4]) + 0.01 * ca.sumsqr(u))
     return problem(x, u, (*rate, 1.0), Fixed(20.0), cost, *limits)
 
@@ -455,6 +455,44 @@ def shuttle():
     limits += along(theta, -1.55, 1.55), along(gamma, -1.55, 1.55)
     limits += (along(u, [-np.pi / 2.0, -89.0 / degrees], [np.pi / 2.0, 1.0 / degrees]),)
     return problem(x, u, rate, Free(1000.0, 100.0, 4000.0), Bolza(final=-theta * degrees), *limits)
+
+
+def two_masses_with_dry_friction():
+    """Two masses and two springs with dry friction, smoothed as v / sqrt(v^2 + 0.01^2), from rest to rest's reverse."""
+    x, u = axis(4, 2)
+    q1, v1, q2, v2 = ca.vertsplit(x)
+
+    def sign(v):
+        return v / ca.sqrt(v**2 + 0.01**2)
+
+    rate = v1, (-1.8 * q1 + 0.85 * q2 - sign(v1) + u[0]) / 1.1, v2, (0.85 * (q1 - q2) - sign(v2) + u[1]) / 1.2
+    limits = start(x, [0.0, -1.0, 0.0, -2.0]), end(x, [1.0, 0.0, 2.0, 0.0]), along(u, -4.0, 4.0)
+    return problem(x, u, rate, Free(2.0), TIME, *limits)
+
+
+def protein():
+    """Induced foreign protein production by bacteria: volume, cells, nutrient, protein, inducer, shock, recovery."""
+    x, u = axis(7, 2)
+    volume, cells, nutrient, product, inducer, shock, recovery = ca.vertsplit(x)
+    k = 0.09 * inducer / (0.034 + inducer)
+    saturated = nutrient / (14.35 + nutrient * (1.0 + nutrient / 111.5))
+    growth = saturated * (shock + 0.22 * recovery / (0.22 + inducer))
+    made = 0.233 * saturated * (0.0005 + inducer) / (0.022 + inducer)
+    feed = u[0] + u[1]
+    rate = (
+        feed, growth * cells - feed / volume * cells,
+        100.0 * u[0] / volume - feed / volume * nutrient - growth * cells / 0.51, made * cells - feed / volume * product,
+        4.0 * u[1] / volume - feed / volume * inducer, -k * shock, k * (1.0 - recovery),
+    )  # fmt: skip
+    limits = start(x, [1.0, 0.1, 40.0, 0.0, 0.0, 1.0, 0.0]), along(u, 0.0, 1.0)
+    return problem(x, u, rate, Fixed(10.0), Bolza(final=-volume * product), *limits)
+
+
+def robbins():
+    x, u = axis(3)
+    limits = start(x, [1.0, -2.0, 0.0]), end(x, [0.0, 0.0, 0.0]), along(x[0], lower=0.0)
+    cost = Bolza(running=3.0 * x[0] + 0.5 * u**2)
+    return problem(x, u, (x[1], x[2], u), Fixed(10.0), cost, *limits)
 
 
 def known(make):
@@ -518,5 +556,10 @@ PUBLISHED = {
     "maximum range": Published(maximum_range, -1.71231487508, 5e-12, f"{BRYSON}, {PSOPT}; digits by shooting"),
     "flying robot": Published(flying_robot, 7.910154646, 5e-9, f"Y. Sakawa, 1999; {BETTS}"),
     "alp rider": Published(alp_rider, 2030.85609, 5e-6, BETTS),
+    "two masses with dry friction": Published(
+        two_masses_with_dry_friction, 2.1050, 5e-5, f"B. J. Driessen, N. Sadegh, 2000; {PSOPT}"
+    ),
+    "protein production": Published(protein, -6.164, 5e-4, "J. Lee, W. F. Ramirez, 1994; PROPT manual"),
+    "Robbins": Published(robbins, 20.0, 1.0, "H. M. Robbins, 1980"),
     "shuttle re-entry": Published(shuttle, -34.1412, 5e-5, BETTS),
 }
