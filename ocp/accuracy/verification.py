@@ -99,7 +99,7 @@ def gain_in_words(gain: float, solution: Solution, problem: Problem) -> str:
     """
     cost = problem.minimise
     timed = cost.time == 1.0 and all(part.is_zero() for part in (cost.running, cost.final, cost.initial))
-    unit = "s" if timed else "of the cost"
+    unit = "s" if timed else "in units of the cost"
     return f"{gain * scale_of_cost(solution, problem):.2g} {unit}" if np.isfinite(gain) else ""
 
 

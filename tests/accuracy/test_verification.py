@@ -12,6 +12,7 @@ from models import cylindrical
 from models.effects import Gravity
 from models.forms import canonical
 from ocp import (
+    Allowed,
     Bolza,
     Control,
     Fixed,
@@ -300,3 +301,42 @@ def damaged_gain(task, control):
     """Return the gain that a control half as large leaves: u^2 / 4 of it, 12 / 4 of 12."""
     solution = solve(task, radau(3, control=control), uniform(20))
     return verify(replace(solution, controls=solution.controls / 2.0)).switching
+
+
+def test_what_is_allowed_is_an_argument_and_failures_say_amount_and_cure():
+    coarse = solve(FASTEST, grid=uniform(7))
+    report = verify(coarse, allowed=Allowed(switching=1e-4))
+    assert not report.ok
+    assert set(report.cures) == {"switching"}
+    # The exact minimum: rising with 20 - 9.81, falling with 20 + 9.81.
+    exact = np.sqrt(2.0 * 0.8 * (1.0 / 10.19 + 1.0 / 29.81))
+    amount, unit = report.amounts["switching"].split()
+    assert unit == "s"
+    assert float(amount) == pytest.approx(report.switching * coarse.cost, rel=0.1)
+    assert coarse.cost - exact <= 1.1 * float(amount)
+    assert "polish(solution)" in report.failures[0]
+    assert report.amounts["switching"] in report.failures[0]
+    assert verify(coarse, allowed=Allowed(switching=1.0)).ok
+
+
+def test_a_drift_is_stated_in_the_unit_of_its_state_and_with_elements_that_cure_it():
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    labels = {"x": (Label("angle", "rad"), Label("rate", "rad/s"))}
+    stiff = System(x, u, rate=ca.vertcat(x[1], 40.0 * ca.sin(x[0]) + u), labels=labels)
+    problem = Problem(stiff, Fixed(1.0), Bolza(running=u**2), (start(x, [0.1, 0.0]), end(x, [3.0, 0.0])))
+    coarse = solve(problem, grid=uniform(20))
+    report = verify(coarse)
+    words = next(words for words in report.failures if "drifts" in words)
+    assert "that is" in words
+    assert "rad" in words
+    more = report.more_elements("drift")
+    assert f"about {more} elements more" in words
+    assert verify(solve(problem, grid=uniform(20 + more))).drift < report.allowed.drift
+
+
+@pytest.mark.parametrize("wrong", [{"drift": 0.0}, {"violation": -1.0}, {"energy": np.nan}])
+def test_what_is_allowed_is_checked(wrong):
+    with pytest.raises(ValueError, match="Allowed"):
+        Allowed(**wrong)
+    with pytest.raises(TypeError, match="Allowed"):
+        verify(good, allowed=1e-3)

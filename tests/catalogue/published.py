@@ -458,7 +458,7 @@ def shuttle():
 
 
 def two_masses_with_dry_friction():
-    """Two masses and two springs with dry friction, smoothed as v / sqrt(v^2 + 0.01^2), from rest to rest's reverse."""
+    """Two masses and two springs with dry friction, smoothed as v / sqrt(v^2 + 0.01^2), both at speed."""
     x, u = axis(4, 2)
     q1, v1, q2, v2 = ca.vertsplit(x)
 
@@ -481,7 +481,8 @@ def protein():
     feed = u[0] + u[1]
     rate = (
         feed, growth * cells - feed / volume * cells,
-        100.0 * u[0] / volume - feed / volume * nutrient - growth * cells / 0.51, made * cells - feed / volume * product,
+        100.0 * u[0] / volume - feed / volume * nutrient - growth * cells / 0.51,
+        made * cells - feed / volume * product,
         4.0 * u[1] / volume - feed / volume * inducer, -k * shock, k * (1.0 - recovery),
     )  # fmt: skip
     limits = start(x, [1.0, 0.1, 40.0, 0.0, 0.0, 1.0, 0.0]), along(u, 0.0, 1.0)
@@ -560,6 +561,6 @@ PUBLISHED = {
         two_masses_with_dry_friction, 2.1050, 5e-5, f"B. J. Driessen, N. Sadegh, 2000; {PSOPT}"
     ),
     "protein production": Published(protein, -6.164, 5e-4, "J. Lee, W. F. Ramirez, 1994; PROPT manual"),
-    "Robbins": Published(robbins, 20.0, 1.0, "H. M. Robbins, 1980"),
+    "Robbins": Published(robbins, 19.43178, 5e-6, "H. M. Robbins, 1980; digits by a convex QP of 4000 elements"),
     "shuttle re-entry": Published(shuttle, -34.1412, 5e-5, BETTS),
 }

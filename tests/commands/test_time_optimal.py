@@ -83,3 +83,34 @@ def test_wrong_usage_is_exit_2(arguments: tuple[str, ...], words: str) -> None:
     assert done.returncode == 2
     assert words in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_starts_and_accuracy_and_what_counts_as_verified(tmp_path: Path) -> None:
+    common = ("--machine", "torus", "--output", str(tmp_path), "--force")
+    done = run(*common, "--starts", "2", "--accuracy", "1e-5")
+    assert done.returncode == 0, done.stderr
+    assert "local optima from 2 starts" in done.stdout
+    assert "above this local optimum" in done.stdout
+    account = done.stdout.split("t_f ")[1].split()[0]
+    assert float(account) == pytest.approx(0.4505294013, abs=1e-5)  # of the polished motion
+    strict = run(*common, "--allow", "switching=1e-5")
+    assert strict.returncode == 1
+    assert "--accuracy 1e-4" in strict.stdout
+    wrong = run(*common, "--allow", "speed=1")
+    assert wrong.returncode == 2
+    assert "one of drift" in wrong.stderr
+
+
+@pytest.mark.slow
+def test_another_cost_than_time_is_named(tmp_path: Path) -> None:
+    text = run("--template", "torus").stdout
+    text = text.replace('minimise = "time"', "minimise = { squares = { tau = 1e-4 } }")
+    text = text.replace("horizon = { guess = 1.0 }", "horizon = 1.0")
+    scene = tmp_path / "effort.toml"
+    scene.write_text(text, encoding="utf-8")
+    done = run(str(scene), "--output", str(tmp_path / "out"))
+    assert "in units of the cost above this local optimum" in done.stdout, done.stdout + done.stderr
+    assert "constant along an optimal motion" in done.stdout
+    assert "-1 is optimal" not in done.stdout
+    assert " s above" not in done.stdout

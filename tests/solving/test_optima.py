@@ -188,3 +188,18 @@ def test_long_searches_show_how_far_they_are_on_a_terminal(monkeypatch: pytest.M
     monkeypatch.setattr(sys, "stderr", quiet)
     multistart(task, starts=3, grid=uniform(4))
     assert quiet.getvalue() == ""
+
+
+def test_a_solution_takes_the_place_of_the_first_start() -> None:
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    system = System(x, u, rate=ca.vertcat(x[1], u))
+    task = Problem(system, Free(1.0), Bolza(time=1.0), (start(x, 0.0), end(x, [1.0, 0.0]), along(u, -1.0, 1.0)))
+    known = solve(task, grid=uniform(10))
+    alone = multistart(task, 1, grid=uniform(10), first=known)
+    assert alone[0].solution.cost == known.cost
+    assert alone[0].seconds == known.timings.derivatives + known.timings.solver
+    both = multistart(task, 3, grid=uniform(10), first=known)
+    assert both[0].hits == 3
+    assert "1 local optima from 3 starts" in both.message
+    with pytest.raises(TypeError, match="first"):
+        multistart(task, 1, first="known")  # type: ignore[arg-type]
