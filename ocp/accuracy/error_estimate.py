@@ -10,6 +10,7 @@ from numpy.polynomial import legendre as polynomials
 
 from ocp.accuracy.even_multipliers import even
 from ocp.accuracy.hamiltonian_minimum import Minimum, minimise
+from ocp.accuracy.smooth_costates import costates_between
 from ocp.accuracy.violation_costs import cost_of_violations
 from ocp.checks import Array
 from ocp.problem.problem import Free, Problem
@@ -79,11 +80,12 @@ def estimate(solution: Solution | SequenceSolution, problem: Problem | Sequence 
             np.full(count, np.nan), unknown, np.full((count + 1, nx), np.nan), labels,
         )  # fmt: skip
     local, transition, running = _reintegrated(solution, problem)
-    at_end = (solution.scheme.costate_at(np.ones(1)) @ solution.costates)[:, 0]
+    at_end = costates_between(solution, problem, np.ones(1))[:, 0]
     dynamics = np.sum(at_end * local, axis=1) + running
     away = accumulated(local, transition)
     tau, weights = _panels()
-    given, adjoint = minimise(solution, problem, tau), even(solution, problem)
+    given = minimise(solution, problem, tau, costates_between(solution, problem, tau))
+    adjoint = even(solution, problem)
     best = minimise(replace(solution, costates=adjoint.costates), problem, tau) if adjoint.moved else given
     optimality, overshoot = _gaps(given, solution, weights)
     if adjoint.moved:

@@ -29,7 +29,7 @@ class Minimum:
     control: Array  # (K, nu) minimiser
 
 
-def minimise(solution: Solution, problem: Problem, tau: Array) -> Minimum:
+def minimise(solution: Solution, problem: Problem, tau: Array, costates: Array | None = None) -> Minimum:
     """Return H = lambda . f + running along the motion and its minimum over the allowed controls.
 
     If the controls have simple bounds only: Newton's method, each quadratic model minimised coordinate by coordinate;
@@ -41,14 +41,16 @@ def minimise(solution: Solution, problem: Problem, tau: Array) -> Minimum:
         solution: with costates.
         problem: that it solves.
         tau: (s,) points in [0, 1] of every element.
+        costates: (N, s, nx) there; None for those of the solution.
 
     Source: Pontryagin et al., The Mathematical Theory of Optimal Processes; Nocedal, Wright, Numerical Optimization,
         19.3.
     """
     _, x, _, u = solution.samples(tau)
-    costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates).reshape(x.shape)
+    if costates is None:
+        costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates)
     p = solution.parameters
-    fixed = (x.T, np.tile(p[:, None], len(x)), costates.T)
+    fixed = (x.T, np.tile(p[:, None], len(x)), costates.reshape(x.shape).T)
     low, high = _box(problem, solution)
     value, scale = (np.array(part)[0] for part in _values(problem, len(x))(u.T, *fixed))
     limits = _mixed(problem)

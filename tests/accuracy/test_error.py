@@ -157,3 +157,21 @@ def test_singular_steps_are_the_least_ones():
     stack = np.array([[[2.0, 0.0], [0.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
     result = solved(stack, np.array([[4.0, 0.0], [2.0, 2.0], [1.0, 1.0]]))
     assert result == pytest.approx(np.array([[2.0, 0.0], [1.0, 1.0], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize("elements", [10, 20, 40])
+@pytest.mark.parametrize("ends", ["free start", "fixed start"])
+def test_gauss_schemes_of_two_points_do_not_hide_the_shape_of_the_control(elements, ends):
+    # Control and costate are lines through the same two points: their distance between the points was not seen.
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    oscillator = System(x, u, rate=ca.vertcat(x[1], (1.0 - x[0] ** 2) * x[1] - x[0] + u))
+    start_at = (start(x[0], 1.0),) if ends == "free start" else (start(x, [1.0, -0.4]),)
+    problem = Problem(oscillator, Fixed(6.0), Bolza(running=ca.sumsqr(x) + u**2), start_at)
+    # Radau IIA of five points on 150 elements.
+    exact = 2.7762000369 if ends == "free start" else solve(problem, radau(5, Control.COLLOCATED), uniform(60)).cost
+    solution = solve(problem, legendre(2, Control.COLLOCATED), uniform(elements))
+    true = solution.cost - exact
+    errors = estimate(solution)
+    assert errors.cost == pytest.approx(2.0 * true, rel=0.05)
+    # Not only bounded: to first order, the parts give the error with its sign.
+    assert errors.optimality - errors.dynamics == pytest.approx(true, rel=0.05)
