@@ -83,7 +83,7 @@ def multistart(
     grid: Grid | None = None,
     solver: NlpSettings | None = None,
     values: Mapping[str, float] | None = None,
-    first: Solution | None = None,
+    first: AnySolution | None = None,
 ) -> Optima:
     """Solve from many starts and return the distinct local optima, best first.
 
@@ -121,7 +121,8 @@ def multistart(
     task = _Task(
         uuid.uuid4().hex, problem, scheme, grid, solver or Ipopt(progress=False), tuple((values or {}).items()), seed
     )
-    checks.instance("multistart: first", first, Solution | None, "a Solution of the problem, or None")
+    wanted = "a solution of the problem, or None"
+    checks.instance("multistart: first", first, Solution | SequenceSolution | None, wanted)
     begun = time.perf_counter()
     results = [_solve_start(task, 0) if first is None else first]
     if not _refused(results[0]):

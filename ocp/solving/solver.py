@@ -10,6 +10,7 @@ from typing import Any
 
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
+from ocp.solution.solution import Status
 from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
 from ocp.solving.guess_rungs import Smooth, StraightLine, WiderLimits
@@ -55,9 +56,13 @@ def solve(
     begun = time.perf_counter()
     warnings = warnings_before(problem, prepared.numbers(values))
     prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
-    if warnings and guess is None:
-        # No long search for a motion that is probably impossible; one with wider limits shows whether it is.
-        guess = (Smooth(), StraightLine(), WiderLimits())
-    result = held_between_nodes(prepared(guess, values), problem, scheme, solver, values)
+    improbable = warnings and guess is None
+    # No long search for a motion that is probably impossible; one with wider limits shows whether it is.
+    result = prepared((Smooth(), StraightLine()) if improbable else guess, values)
+    if improbable and not (result.ok or result.status is Status.STOPPED or result.solver_status == "not started"):
+        wider = prepared((WiderLimits(),), values)
+        tried = result.message.removesuffix(")") + ", WiderLimits)"
+        result = wider if wider.ok else replace(result, message=tried)
+    result = held_between_nodes(result, problem, scheme, solver, values)
     result = resolved(result, solver, values) if grid is None and result.ok else result
     return replace(result, message=f"{result.message}; but {'; '.join(warnings)}") if warnings and result.ok else result

@@ -11,7 +11,6 @@ from models.scenes.task import Task
 from ocp import (
     Allowed,
     Cost,
-    Problem,
     Seconds,
     SequenceSolution,
     Solution,
@@ -24,6 +23,7 @@ from ocp import (
     solve_to_accuracy,
     uniform,
 )
+from ocp.problem.sequence import phases_of
 from reports.output import working
 
 TORQUES = "torques"
@@ -84,28 +84,24 @@ def find(
     problem, scheme, grid = task.problem(system), radau(3), uniform(task.elements)
     with working("solving", shown, own_line=True):
         solution: Solution | SequenceSolution = solve(problem, scheme=scheme, grid=grid)
-    alone = isinstance(problem, Problem) and isinstance(solution, Solution)
-    for option in ("starts", "accuracy", "polish"):
-        if not alone and getattr(options, option) not in (None, False, 1):
-            show(f"{option}: a motion through points is several phases, for which it is not offered; left as solved")
-    if isinstance(problem, Problem) and isinstance(solution, Solution) and options.starts > 1:
+    if options.starts > 1:
         with working(f"solving from {options.starts - 1} more starts", shown, own_line=True):
             optima = multistart(problem, options.starts, scheme=scheme, grid=grid, first=solution)
         solution = optima[0].solution if optima else solution
         show(f"optima       {optima.message.partition('; ')[2] or optima.message}")
-    if isinstance(problem, Problem) and isinstance(solution, Solution) and options.accuracy is not None:
+    if options.accuracy is not None:
+        timed = all(one.minimise.time == 1.0 and one.minimise.running.is_zero() for one in phases_of(problem))
+        wanted = Seconds(options.accuracy) if timed else Cost(options.accuracy)
         with working("refining", shown, own_line=True):
-            timed = problem.minimise.time == 1.0 and problem.minimise.running.is_zero()
-            wanted = Seconds(options.accuracy) if timed else Cost(options.accuracy)
             steps = solve_to_accuracy(problem, wanted, scheme, grid, guess=solution, seconds=SECONDS)
             solution = list(steps)[-1]
-        show(f"accuracy     {solution.accuracy}")
+        show(f"accuracy     {solution.message.rpartition(' (')[2].rstrip(')')}")
     elif options.nodes is None:
         with working("refining", shown, own_line=True):
             solution = resolved(solution)
-    if options.polish and isinstance(solution, Solution):
+    if options.polish:
         with working("polishing", shown, own_line=True):
-            solution = polish(solution)
+            solution = polish(solution)  # type: ignore[type-var]  # either kind gives its own kind
     return solution
 
 
