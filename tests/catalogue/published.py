@@ -532,7 +532,7 @@ PUBLISHED = {
     ),
     "Duffing oscillator": Published(duffing, 0.187444856, 5e-10, "R. Van Dooren, J. Vlassenbroeck, 1982"),
     "hypersensitive": Published(hypersensitive, 1.33080690494, 5e-12, f"{PSOPT}; digits by shooting"),
-    "van der Pol": Published(van_der_pol, 2.86660, 5e-6, "PROPT manual"),
+    "van der Pol": Published(van_der_pol, 2.866952422563, 5e-13, "PROPT manual prints 2.8666; digits by shooting"),
     "van der Pol with a state limit": Published(lambda: van_der_pol(-0.4), 2.95370134239, 5e-12, MAURER),
     "Rayleigh": Published(rayleigh, 29.376, 5e-4, "D. H. Jacobson, D. Q. Mayne, 1970"),
     "Rayleigh with a mixed limit": Published(lambda: rayleigh(True), 44.80444490836, 5e-12, MAURER),
@@ -558,9 +558,11 @@ PUBLISHED = {
     "flying robot": Published(flying_robot, 7.910154646, 5e-9, f"Y. Sakawa, 1999; {BETTS}"),
     "alp rider": Published(alp_rider, 2030.85609, 5e-6, BETTS),
     "two masses with dry friction": Published(
-        two_masses_with_dry_friction, 2.1050, 5e-5, f"B. J. Driessen, N. Sadegh, 2000; {PSOPT}"
+        two_masses_with_dry_friction, 2.11414463, 5e-9, f"B. J. Driessen, N. Sadegh, 2000; {PSOPT}: 2.1050; by shooting"
     ),
-    "protein production": Published(protein, -6.164, 5e-4, "J. Lee, W. F. Ramirez, 1994; PROPT manual"),
+    "protein production": Published(
+        protein, -6.15160, 5e-6, "J. Lee, W. F. Ramirez, 1994; PROPT manual prints 6.164; best of five starts"
+    ),
     "Robbins": Published(robbins, 19.43178, 5e-6, "H. M. Robbins, 1980; digits by a convex QP of 4000 elements"),
     "shuttle re-entry": Published(shuttle, -34.1412, 5e-5, BETTS),
 }
