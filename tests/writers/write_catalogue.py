@@ -21,9 +21,9 @@ the last step of `solve_to_accuracy(problem, Share(1e-7), seconds=45)`, and CPU 
 measured again); statements are in `tests/catalogue/published.py`.
 
 F-8: another local optimum than the published one, which no estimate sees. Cart-pole: the default finds the published
-optimum, the refined one (57.944780) is lower, and both are optima. PROPT's 6.164 of the protein production was found from
-no start, and PSOPT's 2.1050 of the two masses is below what shooting gives. Values of both least-time problems of Maurer
-could not be compared with their source. Rows were measured on a busy machine; 45 s ended some refinements early.
+optimum, the refined one (57.944780) is lower, and both are optima. PROPT's 6.164 of the protein production was found
+from no start, and PSOPT's 2.1050 of the two masses is below what shooting gives. Values of both least-time problems of
+Maurer could not be compared with their source. Rows were measured on a busy machine; 45 s ended some refinements early.
 
 | problem | published | default: error | estimate | s | refined: error | estimate | s | source |
 |---|---|---|---|---|---|---|---|---|
