@@ -11,7 +11,7 @@ from reports.scene_toml import as_toml
 
 from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
-from html_reports.time_curves import Panel, time_curves
+from html_reports.time_curves import Panel, colour_of, time_curves
 from models import Scene
 from models.plots.signals import links, skeleton
 from models.scenes.task import Task
@@ -50,16 +50,15 @@ def write_budget_report(path: Path, budget: Budget, scene: Scene, task: Task, do
         t = np.linspace(0.0, whole.duration, FRAMES)
         q = np.atleast_2d(motion.signal("q", t))
         space = playback(t, skeleton(scene.machine, q), task.obstacles, None, links(scene.machine, q))
-        for row, one in solved[1:]:
-            space.add_trace(
-                _path(skeleton(scene.machine, np.atleast_2d(one.signal("q", _times(one))))[:, -1], row.name)
-            )
+        for number, (row, one) in enumerate(solved[1:], 1):
+            poses = skeleton(scene.machine, np.atleast_2d(one.signal("q", _times(one))))
+            space.add_trace(_path(poses[:, -1], row.name, colour_of(number)))
         sections += [
             page.section("What each effect costs", page.figure(_costs(rows, whole), "costs", COSTS)) if rows else "",
             page.section("Peak torques without each effect", page.figure(_peaks(budget, solved), "peaks")),
             page.section("The motion of the whole scene, and the paths without each effect", page.figure(
                 space, "arm", "A click on a name of the legend hides a path.")),
-            page.section("With and without", page.figure(
+            page.section("With and without", _key(solved), page.figure(
                 _curves(scene, solved), "curves", "Thick: the whole scene; thin: without one effect.")),
         ]  # fmt: skip
         sections.append(page.data("times", np.round(t, 6).tolist()))
@@ -115,9 +114,15 @@ def _peaks(budget: Budget, solved: list[tuple[Row, Motion]]) -> Any:
     return drawing.update_layout(barmode="group", height=380, margin={"l": 60, "r": 10, "t": 10, "b": 60})
 
 
-def _path(tool: Array, name: str) -> Any:
+def _path(tool: Array, name: str, colour: str) -> Any:
     x, y, z = np.round(tool, 5).T.tolist()
-    return page.plotly().Scatter3d(x=x, y=y, z=z, mode="lines", name=f"without {name}", line={"width": 3})
+    return page.plotly().Scatter3d(
+        x=x, y=y, z=z, mode="lines", name=f"without {name}", line={"width": 3, "color": colour}
+    )
+
+
+def _key(solved: list[tuple[Row, Motion]]) -> str:
+    return page.key({_name(row): colour_of(k) for k, (row, _) in enumerate(solved)})
 
 
 def _times(motion: Motion) -> Array:
@@ -160,5 +165,5 @@ def _cells(row: Row, whole: Row) -> tuple[object, ...]:
             f"{_name(row)}: {'not possible' if row.status is None else 'not verified'}",
             *([float("nan")] * (len(row.peak) + 5)),
         )
-    cost = round(whole.duration - row.duration, 6) if row.name and whole.ok else float("nan")
+    cost = round(whole.duration - row.duration, 6) + 0.0 if row.name and whole.ok else float("nan")
     return (_name(row), row.duration, cost, *row.peak, row.work, row.net, row.seconds)

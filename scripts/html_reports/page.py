@@ -94,6 +94,12 @@ def listed(texts: Sequence[str]) -> str:
     return f"<ul>{items}</ul>" if items else ""
 
 
+def key(colours: Mapping[str, str]) -> str:
+    """Return what the colours of lines stand for, name -> colour."""
+    marks = (f'<span style="color:{colour}">&#9632;</span> {html.escape(name)}' for name, colour in colours.items())
+    return f'<p class="note">{" &ensp; ".join(marks)}</p>'
+
+
 def figure(drawing: Any, name: str, caption: str = "") -> str:
     """Return a Plotly figure as part of a page.
 

@@ -13,6 +13,7 @@ from ocp.checks import Array
 
 ACTIVE = 1e-3  # share of the range within which a limit counts as active
 HIGH, LOW, TOUCH = "#e69f00", "#56b4e9", "#b03a2e"
+LINES = ("#1f4e79", "#d55e00", "#009e73", "#cc79a7", "#0072b2", "#e69f00", "#56b4e9", "#8c6d1f", "#6b6bb0", "#7d6b5d")
 HEIGHT = 150  # of a panel with its label [pixels]
 TALL = 0.76  # share of it that is the panel
 
@@ -28,6 +29,11 @@ class Panel:
     upper: Array | None = None
     heading: str = ""
     spans: Sequence[tuple[float, float, str]] = field(default=())  # start, end, colour of shaded times
+
+
+def colour_of(number: int) -> str:
+    """Return the colour of a line of a panel; the first one is that of the motion."""
+    return LINES[number if number < len(LINES) else 1 + (number - 1) % (len(LINES) - 1)]
 
 
 def time_curves(columns: Sequence[Sequence[Panel]]) -> Any:
@@ -89,7 +95,7 @@ def _traces(drawing: Any, panel: Panel, x: str, y: str, number: int) -> None:
         drawing.add_trace(go.Scatter(
             x=np.round(panel.t, 7).tolist(), y=_digits(values), xaxis=x, yaxis=y, mode="lines", name=line or name,
             hovertemplate=f"{line or name} {shown}<extra></extra>",
-            line={"width": 2 if k == 0 else 1.2, "color": None if k else "#1f4e79"},
+            line={"width": 2 if k == 0 else 1.2, "color": colour_of(k)},
         ))  # fmt: skip
     low, high = (float(f(np.concatenate(list(panel.lines.values())))) for f in (np.nanmin, np.nanmax))
     near = 1.5 * max(high - low, 1e-12)

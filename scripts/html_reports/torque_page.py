@@ -10,7 +10,7 @@ from reports.scene_toml import as_toml
 
 from html_reports import page
 from html_reports.playback import FRAMES, SCRIPT, playback
-from html_reports.time_curves import HIGH, Panel, time_curves
+from html_reports.time_curves import HIGH, Panel, colour_of, time_curves
 from models import Motion, Scene, TorqueTable
 from models.plots.signals import links, skeleton
 from models.plots.torque_bounds import Limits, drive_limits
@@ -56,7 +56,8 @@ def write_torque_report(
         page.verdict(text, not broken),
         page.paragraph(f"{motion!r}. {'; '.join(motion.notes)}"),
         page.section("The motion", page.figure(space, "arm", "The slider and a click on a curve below go to a time.")),
-        page.section("Torques and their parts", page.figure(
+        page.section("Torques and their parts", page.key(
+            {name: colour_of(k) for k, name in enumerate(["torque", *table.split])}), page.figure(
             time_curves([_torques(table, kept, bounds), _speeds(table, kept), _powers(table, kept)]), "curves",
             "Thick: the torque; thin: its parts by cause. Dashed: what the drive has. Shaded: nothing is left.")),
         page.section("Torque over speed", page.figure(_planes(table, kept, bounds), "planes")),
