@@ -12,6 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from models.plots import studies
 from models.scenes.task import Task
 from models.scenes.toml_document import SceneError
 from ocp import StoreError, Study, StudyTable
+from ocp.studies.batches import Batches
 from ocp.studies.executors import KINDS, executor
 from ocp.studies.main_effects import influences
 from ocp.studies.neighbour_check import unchecked_jumps
@@ -85,6 +87,7 @@ def command_line() -> argparse.ArgumentParser:
     )
     parser.add_argument("--jobs", type=_jobs, default=1, metavar="N", help="processes at once (default: 1)")
     parser.add_argument("--executor", metavar="KIND", help=f"{', '.join(KINDS)} (default: here, or processes)")
+    parser.add_argument("--batch", type=_jobs, metavar="N", help="cases sent to a cluster at once, for cheap cases")
     parser.add_argument("--dry-run", action="store_true", help="say what would be computed, and stop")
     parser.add_argument("--retry-failed", action="store_true", help="try failed cases again, with all first guesses")
     parser.add_argument("--export", type=Path, action="append", default=[], metavar="FILE", help=".csv or .parquet")
@@ -171,6 +174,10 @@ def _run(study: Study, options: argparse.Namespace) -> StudyTable:
     kind = options.executor or ("processes" if options.jobs > 1 else "here")
     shown = not (options.quiet or options.json)
     with executor(kind, options.jobs) as run, progress_of(len(study.cases), shown) as watch:
+        if options.batch is not None:
+            if not isinstance(run, Executor):
+                raise ValueError("--batch: needs --executor dask, dask:ADDRESS or mpi")
+            run = Batches(run, options.batch)
         return study.run(run, options.retry_failed, watch)
 
 
