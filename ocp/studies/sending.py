@@ -6,8 +6,10 @@ import contextlib
 import functools
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -18,6 +20,9 @@ from pathlib import Path
 from typing import Any
 
 ADVICE = "move it to a module, a .py file that is imported, or pip install cloudpickle"
+
+
+STAY = 5.0  # seconds that a process waits for the others of its pool at most
 
 
 class NotSentError(TypeError):
@@ -96,14 +101,26 @@ def let_end_with_parent(executor: Executor | None) -> None:
         executor: that computes the cases.
     """
     if isinstance(executor, ProcessPoolExecutor) and _is_forked(executor):
-        for _ in range(getattr(executor, "_max_workers", 1)):
-            executor.submit(_stay, os.getpid())
+        count = getattr(executor, "_max_workers", 1)
+        folder = tempfile.mkdtemp(prefix="hamel-")
+        calls = [executor.submit(_stay, os.getpid(), folder, count) for _ in range(count)]
+
+        def tidy(_: object) -> None:
+            if all(call.done() for call in calls):
+                shutil.rmtree(folder, ignore_errors=True)
+
+        for call in calls:
+            call.add_done_callback(tidy)
 
 
-def _stay(owner: int) -> None:
-    """Watch the parent, and stay long enough for the other processes of the pool to take the next call."""
+def _stay(owner: int, folder: str, count: int) -> None:
+    """Watch the parent, and stay until every other process of the pool has taken a call of its own."""
     end_with_parent(owner)
-    time.sleep(0.1)
+    with contextlib.suppress(OSError):
+        Path(folder, str(os.getpid())).touch()
+        deadline = time.monotonic() + STAY
+        while len(list(Path(folder).iterdir())) < count and time.monotonic() < deadline:
+            time.sleep(0.01)
 
 
 _watching = threading.Lock()
