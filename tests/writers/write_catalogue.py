@@ -23,8 +23,8 @@ measured again); statements are in `tests/catalogue/published.py`.
 F-8: another local optimum than the published one, which no estimate sees. Cart-pole: the default finds the published
 optimum, the refined one (57.944780) is lower, and both are optima. PROPT's 6.164 of the protein production was found
 from no start, and PSOPT's 2.1050 of the two masses is below what shooting gives. Values of both least-time problems of
-Maurer could not be compared with their source. Rows were measured on a busy machine: limits of wall-clock time ended some
-solves early (protein production, shuttle re-entry) and some refinements; the last rows were stopped after 80 s.
+Maurer could not be compared with their source. Rows were measured on a busy machine: limits of wall-clock time ended
+some solves early (protein production, shuttle re-entry) and some refinements; the last rows were stopped after 80 s.
 
 | problem | published | default: error | estimate | s | refined: error | estimate | s | source |
 |---|---|---|---|---|---|---|---|---|
