@@ -151,12 +151,12 @@ def _rounded(row: dict[str, Any]) -> dict[str, Any]:
 def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return both tables in Markdown."""
     lines = [
-        "| motion | t_f, s | iterations | form + set-up / derivatives / solver, s | verified | polished |",
+        "| motion | t_f, s | iterations | processor seconds: form, solve | verified | polished |",
         "|---|---:|---:|---|---|---|",
     ]
     for row in (row for row in rows if " random " not in row["name"]):
-        seconds = f"{row['form_s'] + row['setup_s']:.2f} / {row['derivatives_s']:.2f} / {row['solver_s']:.2f}"
-        polished = f"{row['arcs']} arcs, {row['t_polished']:.7f}" if row.get("arcs") else "no"
+        seconds = f"{row['form_s']:.2f}, {row['solve_s']:.2f}"
+        polished = f"{row['t_polished']:.7f}" if row.get("arcs") else "no"
         lines.append(
             f"| {row['name']} | {row['t_f']:.6f} | {row['iterations']} | {seconds} | "
             f"{'yes' if row['verified'] else 'no'} | {polished} |"
