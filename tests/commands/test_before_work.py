@@ -30,7 +30,7 @@ to = [1.0, 0.5, 0.7]
 "limits.tau.factor" = [1.0, 1.2]
 """
 MOTION = "t,q1,q2,q3\n0,0,0.2,0.6\n1,0.5,0.2,0.6\n2,1,0.2,0.6\n3,1.5,0.2,0.6\n4,2,0.2,0.6\n"
-WORK = {time_optimal: "solve", study: "_run", accuracy: "bill", torques: "read_motion"}
+WORK = {time_optimal: "find", study: "_run", accuracy: "bill", torques: "read_motion"}
 
 
 def called(command: Any, folder: Path, *options: str) -> int:

@@ -209,7 +209,12 @@ def solves() -> tuple[Call, ...]:
         Call("ocp.solve", ocp.solve, {"problem": A(problem), **common, **guess}),
         Call("ocp.multistart", ocp.multistart, {
             "problem": A(problem), "starts": A(1), "seed": A(0, frozenset({"zero"})), "executor": A(None, OPTIONAL),
-            **common}),
+            **common, "first": A(None, OPTIONAL)}),
+        Call("ocp.resolved", ocp.resolved, {
+            "solution": A(solution), "solver": common["solver"], "values": common["values"], "seconds": A(9.0, BOUND)}),
+        Call("ocp.Allowed", ocp.Allowed, {name: A(1e-6, BOUND) for name in (
+            "drift", "violation", "energy", "hamiltonian", "switching")}),
+        Call("Report.more_elements", ocp.verify(solution).more_elements, {"name": A("drift", NOTHING)}),
         Call("ocp.solve_to_accuracy", ocp.solve_to_accuracy, {
             "problem": A(problem), "tol": A(1e3, POSITIVE), **common, **guess, "seconds": A(9.0, BOUND),
             "elements": A(10), "finish": A(None, OPTIONAL | {"function", "kind"})}, next),
