@@ -97,8 +97,13 @@ class Report:
         nodes with the square of the width.
 
         Args:
-            name: drift, violation or energy.
+            name: drift, violation, energy, hamiltonian or switching; 0 for the last two.
+
+        Raises:
+            ValueError: no such figure.
         """
+        if not isinstance(name, str) or name not in WORDS:
+            raise checks.refused("name", name, f"one of {', '.join(WORDS)}")
         powers = {"drift": self.order, "energy": self.order, "violation": 2}
         if name not in powers:
             return 0

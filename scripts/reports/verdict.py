@@ -75,7 +75,7 @@ def _fault(
     legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
     elements = max(len(leg.grid) for leg in legs)
     name = next(iter(report.cures), "")
-    finer = f"--nodes {elements + (report.more_elements(name) or elements)}, or --accuracy 1e-4"
+    finer = f"--nodes {elements + ((report.more_elements(name) if name else 0) or elements)}, or --accuracy 1e-4"
     amount = f" ({report.amounts[name]})" if report.amounts.get(name) else ""
     if name == "drift":
         drift = f"{report.drift:.1e} of the range{amount}"

@@ -223,7 +223,8 @@ def solves() -> tuple[Call, ...]:
             "seconds": A(9.0, BOUND)}),
         Call("ocp.gentle", ocp.gentle, {"problem": A(problem), "weight": A(1e-2, POSITIVE)}),
         Call("ocp.gentlest", ocp.gentlest, {**both, "weight": A(1e-4, POSITIVE), "solver": A(None, OPTIONAL)}),
-        Call("ocp.verify", ocp.verify, both), Call("ocp.estimate", ocp.estimate, both),
+        Call("ocp.verify", ocp.verify, {**both, "allowed": A(None, OPTIONAL)}),
+        Call("ocp.estimate", ocp.estimate, both),
         Call("ocp.smooth", ocp.smooth, {"problem": A(problem), "values": A([9.81], REAL)}),
         Call("ocp.straight_line", ocp.straight_line, {"problem": A(problem), "values": A([9.81], REAL)}),
         Call("Prepared.__call__", made, {
