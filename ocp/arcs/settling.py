@@ -136,7 +136,7 @@ def settle(
             failures, far = failures + 1, False
             others = swapped(motion.arcs), without_shortest_hold(arcs), without_vanished(motion.arcs)
             other = next((o for o in others if key_of(o) not in seen), None)
-            if other is not None and failures <= FAILURES:
+            if other is not None and failures <= (FAILURES if again else 1):
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
