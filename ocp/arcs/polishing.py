@@ -42,7 +42,7 @@ SECONDS = 9.0  # of processor time after which no further structure is tried
 FEW = 30  # iterations on the structure read from the given grid; where it is right, fewer are enough
 ENOUGH = 0.7  # of the seconds left, below which a motion that is nearly sound is returned
 LAST = 0.5  # seconds left, below which no further grid is moved
-FIRST = 0.4  # of the seconds, given to the structure read from the given grid, where only time counts
+FIRST = 0.3  # of the seconds, given to the structure read from the given grid, where only time counts
 PART = 0.5  # of the seconds left, given to one structure read
 EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, share of the cost
 

@@ -130,7 +130,7 @@ def settle(
         if motion.result.status is not Status.SOLVED:
             if settled is not None:
                 return replace(settled, iterations=iterations)  # only its residual could have been smaller
-            if solves == 1 and not far and again:
+            if solves == 1 and not far and (again or motion.result.status is Status.ACCEPTABLE):
                 far = True
                 continue
             failures, far = failures + 1, False
