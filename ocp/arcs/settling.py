@@ -42,6 +42,7 @@ FAILURES = 2  # most structures whose NLP is not solved, for one detection
 PUSHED = 1e-4  # largest change of a scaled unknown when the barrier of inactive limits is removed
 STRONG = 1e-2  # penalty on the distance of singular controls from the last iterate, cost per second; halved each step
 # Where the first NLP is not solved, it is tried again from farther inside its bounds.
+PATIENT = 60  # iterations from there
 FAR = {"mu_init": 1e-2, "bound_push": 1e-2, "bound_frac": 1e-2}
 PROXIMAL, LEFT = 8, 1e-11  # most proximal steps; they end when the penalty is this share of the cost
 
@@ -121,7 +122,9 @@ def settle(
         elements, loose = refined(arcs, density), task.loose(arcs)
         weight = rate * STRONG * 0.5 ** (step - 1) if loose else 0.0
         new_singular = loose and step == 1
-        begin = replace(settings, extra={**settings.extra, **FAR}) if far or new_singular else settings
+        begin = settings
+        if far or new_singular:
+            begin = replace(settings, max_iter=max(settings.max_iter, PATIENT), extra={**settings.extra, **FAR})
         budget.show(f"structure {len(seen) + 1} with {len(arcs)} arcs")
         nlp = prepare_arcs(task, arcs, elements, guess, budget.limited(begin), weight)
         motion = nlp.solve(nlp.start(guess, durations(arcs)))
