@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+import tomllib
 from functools import lru_cache
 from pathlib import Path
 
@@ -263,3 +264,11 @@ def test_no_function_is_hidden_by_its_module(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef)
     }
     assert path.stem not in defined
+
+
+def test_every_room_is_installed():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        listed = tomllib.load(file)["tool"]["setuptools"]["packages"]
+    rooms = {path.parent.relative_to(ROOT) for package in ROOMS for path in (ROOT / package).rglob("__init__.py")}
+    names = {".".join(room.parts) for room in rooms} | {"scripts"}
+    assert sorted(listed) == sorted(name.replace("scripts", "hamel_commands") for name in names)

@@ -143,7 +143,8 @@ def polish(
             break
     if spare is not None:
         budget.show("")
-        return _polished(task, solution, spare, (iterations, time.perf_counter() - begun))
+        result = _polished(task, solution, spare, (iterations, time.perf_counter() - begun))
+        return _unpolished(result, spare.reason) if spare.reason else result
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
     open_controls = slack(problem, solution)
@@ -234,4 +235,5 @@ def _polished(task: ArcProblem, given: Solution, tried: Attempt, spent: tuple[in
 
 
 def _unpolished(solution: Solution, reason: str) -> Solution:
-    return replace(solution, structure=None, message=f"{solution.message}; not polished: {reason}")
+    message = solution.message.replace("polished: ", "solved arc by arc: ")
+    return replace(solution, structure=None, message=f"{message}; not polished: {reason}")

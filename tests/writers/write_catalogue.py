@@ -21,10 +21,12 @@ the last step of `solve_to_accuracy(problem, Share(1e-7), seconds=45)`, and CPU 
 measured again); statements are in `tests/catalogue/published.py`.
 
 F-8: another local optimum than the published one, which no estimate sees. Cart-pole: the default finds the published
-optimum, the refined one (57.944780) is lower, and both are optima. PROPT's 6.164 of the protein production was found
-from no start, and PSOPT's 2.1050 of the two masses is below what shooting gives. Values of both least-time problems of
+optimum, which shooting confirms; the refined one (57.944780) is lower and was not confirmed. PROPT's 6.164 of the
+protein production was found from no start, the value here is our own; PSOPT's 2.1050 of the two masses is below what
+shooting gives. Values of both least-time problems of
 Maurer could not be compared with their source. Rows were measured on a busy machine: limits of wall-clock time ended
-some solves early (protein production, shuttle re-entry) and some refinements; the last rows were stopped after 80 s.
+some solves early (protein production, shuttle re-entry) and some refinements; eight rows were measured apart from the
+others and stopped after 40 or 80 s.
 
 | problem | published | default: error | estimate | s | refined: error | estimate | s | source |
 |---|---|---|---|---|---|---|---|---|
