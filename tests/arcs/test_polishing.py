@@ -64,7 +64,7 @@ def polished(name):
     known = EXACT[name]()
     coarse = solve(known.problem, grid=uniform(50), guess=known.guess)
     assert coarse.ok
-    return known, coarse, polish(coarse)
+    return known, coarse, polish(coarse, seconds=100.0)
 
 
 def assert_polished(solution):
@@ -171,7 +171,7 @@ def test_multiplier_of_a_touched_limit():
 def test_singular_arc_without_chatter():
     problem, switch, size, cost = problems.regulator()
     assert cost == pytest.approx(0.37699, abs=1e-5)
-    solution = polish(solve(problem, grid=uniform(50)))
+    solution = polish(solve(problem, grid=uniform(50)), seconds=100.0)
     assert_polished(solution)
     assert solution.cost == pytest.approx(cost, rel=1e-9)
     assert [row.kind for row in solution.structure] == [LOWER, INTERIOR]
@@ -197,7 +197,7 @@ def test_machine_with_an_active_limit(name):
     found = []
     for form, scheme in (("canonical", SIX), ("hamel", OTHER["legendre8"]), ("canonical", OTHER["radau7"])):
         coarse, arm, machine, effects = coarse_task(name, form)
-        solution = polish(coarse, scheme=scheme)
+        solution = polish(coarse, scheme=scheme, seconds=100.0)
         report = assert_polished(solution)
         assert report.hamiltonian < 1e-6
         assert report.hamiltonian_value == pytest.approx(-1.0, abs=1e-8)

@@ -226,7 +226,7 @@ def test_sweep_across_changes_of_structure_accepts_nothing_wrong(chained):
         structures.add(tuple(arc.kinds for arc in found.structure.arcs))
         coarse = solve(problem, values=values)
         assert found.cost < coarse.cost
-        reference = polish(coarse, solver=EXACT)
+        reference = polish(coarse, solver=EXACT, seconds=100.0)
         if reference.structure is None:
             continue
         assert found.cost == pytest.approx(reference.cost, rel=0, abs=1e-9)

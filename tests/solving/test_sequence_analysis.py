@@ -180,7 +180,7 @@ def test_a_motion_over_a_via_point_is_polished_below_a_fine_grid():
         subject_to=(start(arm["q"], [0.0, 0.4, -0.9]), start(arm["v"], 0), end(arm["q"], [1.0, 0.2, -0.8]), *limits),
     )
     other = Problem(arm, subject_to=(end(arm["q"], [2.0, 0.8, -1.3]), end(arm["v"], 0.0), *limits))
-    best = polish(solve(Sequence((one, other)), grid=uniform(40)))
+    best = polish(solve(Sequence((one, other)), grid=uniform(40)), seconds=100.0)
     assert best.structure is not None
     assert len(best.structure.switches("tau_q1")) == 1  # at full torque through the point
     assert ocp.verify(best).ok
