@@ -128,7 +128,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="of processor time after which a task is ended (60)"
     )
-    parser.add_argument("--wall", type=float, default=20.0, help="seconds of processor time given to polish (20)")
+    parser.add_argument("--wall", type=float, default=9.0, help="seconds of processor time given to polish (9)")
     return parser.parse_args()
 
 
