@@ -146,10 +146,12 @@ def solve_to_accuracy(
         raise TypeError(f"{called}: finish is {checks.shown(finish)}, expected a function of a Solution, or None")
     own = Ipopt() if solver is None else solver
     if isinstance(problem, Sequence):
-        chosen = scheme or max((_scheme(phase) for phase in problem.problems), key=lambda one: one.control.value)
+        schemes, begun = [_scheme(phase) for phase in problem.problems], time.perf_counter()
+        chosen = scheme or next((one for one in schemes if one.control is Control.COLLOCATED), schemes[0])
         first = solve(problem, chosen, uniform(20) if grid is None else grid, own, guess, values)
+        left = max(seconds - (time.perf_counter() - begun), 1e-3)
         return refined(first, wanted, lambda posed, tolerance, one, known: solve_to_accuracy(
-            posed, tolerance, chosen, one.grid, own, one, known, seconds=seconds, elements=elements, finish=finish
+            posed, tolerance, chosen, one.grid, own, one, known, seconds=left, elements=elements, finish=finish
         ))  # fmt: skip
     task = _Task(problem, wanted, own, values, _Budget(seconds, elements, time.perf_counter()), finish)
     return _steps(task, _scheme(problem) if scheme is None else scheme, uniform(20) if grid is None else grid, guess)

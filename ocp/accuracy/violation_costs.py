@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.problem.constraints import Where, row_components
+from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
-from ocp.transcription.schemes.scheme import Control, Scheme
+from ocp.transcription.element_points import path_rows
 
 SAMPLES = 25  # points of every element
 
@@ -51,7 +51,7 @@ def _of_bounds(solution: Solution, problem: Problem, multipliers: Array) -> tupl
 def _of_expressions(solution: Solution, problem: Problem, multipliers: Array) -> Array:
     """Return the same for limits on expressions of states, such as obstacles."""
     system, count = problem.system, len(solution.grid)
-    cost, rows = np.zeros(count), _rows(problem, solution.scheme)
+    cost, rows = np.zeros(count), path_rows(problem, solution.scheme)
     if not rows or sum(number for _, _, number in rows) != multipliers.shape[1]:
         return cost
     first = np.cumsum([0, *(number for _, _, number in rows)])
@@ -79,17 +79,3 @@ def _largest(excess: Array) -> Array:
 def _nearby(load: Array) -> Array:
     """Return the largest multiplier (N, n) of every element and its two neighbours."""
     return np.asarray(np.maximum(load, np.maximum(np.roll(load, 1, axis=0), np.roll(load, -1, axis=0))))
-
-
-def _rows(problem: Problem, scheme: Scheme) -> list[tuple[int, int, int]]:
-    """Return (constraint, component, number of points of an element) of the constraint rows along the motion."""
-    system, points = problem.system, set(scheme.points.tolist())
-    results = []
-    for i, constraint in enumerate(problem.subject_to):
-        if constraint.where is not Where.ALONG:
-            continue
-        for c in row_components(constraint, system):
-            jumps = ca.depends_on(constraint.expression[c], system.u) and scheme.control is not Control.LINEAR
-            both = points | {0.0, 1.0} if scheme.control is Control.CONSTANT else points
-            results.append((i, c, len(both if jumps else (points | {1.0}) - {0.0})))
-    return results

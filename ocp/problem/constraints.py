@@ -120,7 +120,7 @@ def single_symbols(constraint: Constraint, system: System) -> tuple[tuple[int, i
 
     Asked for many times in one solve.
     """
-    place = {
+    known = {
         symbol.element_hash(): (number, i)
         for number, column in enumerate((system.x, system.u, system.p))
         if column.numel()
@@ -128,7 +128,7 @@ def single_symbols(constraint: Constraint, system: System) -> tuple[tuple[int, i
     }
     components = enumerate(ca.vertsplit(constraint.expression))
     single = [(c, one.element_hash()) for c, one in components if one.is_symbolic()]
-    return tuple((*place[key], c) for c, key in single if key in place)
+    return tuple((*known[key], c) for c, key in single if key in known)
 
 
 def row_components(constraint: Constraint, system: System) -> tuple[int, ...]:

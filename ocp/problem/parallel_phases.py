@@ -150,7 +150,7 @@ def _assembled(
         for name, symbol in zip(parts[before].junction, ca.vertsplit(met), strict=True):
             symbols[name], values[name] = symbol, 0.0
         ends += [
-            along(met, -1e20, 1e20), end(parts[before].put(left) - met, 0.0), start(parts[after].put(right) - met, 0.0),
+            along(met), end(parts[before].put(left) - met, 0.0), start(parts[after].put(right) - met, 0.0),
         ]  # fmt: skip
     shared = set.intersection(*(set(system.signals) for system in systems))
     labels = {

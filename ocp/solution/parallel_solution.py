@@ -16,8 +16,7 @@ from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.structure import Arc, Contact, Structure
 from ocp.solution.structure_table import merged, tabulate
-from ocp.transcription.direct_collocation import row_parts
-from ocp.transcription.element_points import path_points
+from ocp.transcription.element_points import path_rows, row_parts
 from ocp.transcription.packing import Multipliers
 
 
@@ -86,12 +85,8 @@ def _owned(held: Multipliers | None, one: Solution, parallel: ParallelPhases) ->
     problems = parallel.sequence.problems
     if held is None:
         return [None] * len(problems)
-    points, ends = [], []
-    for problem in problems:
-        path, at_ends = row_parts(problem, one.scheme)
-        expressions = (problem.subject_to[i].expression[c] for i, c in path)
-        points.append(sum(len(path_points(one.scheme, expression, problem.system.u)) for expression in expressions))
-        ends.append(len(at_ends))
+    points = [sum(rows for _, _, rows in path_rows(problem, one.scheme)) for problem in problems]
+    ends = [len(row_parts(problem, one.scheme)[1]) for problem in problems]
     paths = np.split(held.path, np.cumsum(points)[:-1], axis=1)
     own_ends = np.split(held.ends, np.cumsum(ends))
     return [

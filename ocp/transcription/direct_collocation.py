@@ -14,19 +14,18 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.compilation import Compile
-from ocp.problem.constraints import Where, row_components, single_symbols
-from ocp.problem.equations_along import path_equalities
+from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
 from ocp.transcription.derivatives import Local, assemble
-from ocp.transcription.element_points import block_diagonal, path_points
+from ocp.transcription.element_points import block_diagonal, path_points, row_parts
 from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
 from ocp.transcription.layout import Layout, lay_out
 from ocp.transcription.nlp import Nlp
 from ocp.transcription.scaling import Scaling
-from ocp.transcription.schemes.scheme import Control, Scheme
+from ocp.transcription.schemes.scheme import Scheme
 
 
 def transcribe(
@@ -274,26 +273,3 @@ def free_parameters(problem: Problem) -> Array:
         if number == 2
     }
     return np.array(sorted(result), dtype=int)
-
-
-def row_parts(
-    problem: Problem, scheme: Scheme
-) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
-    """Return the components of constraints that need rows: those that are not bounds of single unknowns."""
-    system = problem.system
-    equalities = {(one.constraint, one.component) for one in path_equalities(problem)}
-    path: list[tuple[int, int]] = []
-    ends: list[tuple[int, int, Where]] = []
-    for i, constraint in enumerate(problem.subject_to):
-        for c in row_components(constraint, system):
-            if (i, c) in equalities:
-                continue
-            if constraint.where is not Where.ALONG:
-                ends.append((i, c, constraint.where))
-                continue
-            path.append((i, c))
-            free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
-            if not free and 0.0 not in path_points(scheme, constraint.expression[c], system.u):
-                # The left ends of elements are left out, and with them the start of the motion.
-                ends.append((i, c, Where.START))
-    return tuple(path), tuple(ends)

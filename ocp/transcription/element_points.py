@@ -1,4 +1,4 @@
-"""Points of an element at which path constraints are rows, and matrices that select unknowns there."""
+"""Which constraints are rows of the NLP and at which points of an element; matrices that select unknowns there."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.problem.constraints import Where, row_components
+from ocp.problem.equations_along import path_equalities
+from ocp.problem.problem import Problem
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 
@@ -29,3 +32,37 @@ def path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
     if jumps:
         return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
     return sorted({*points, 1.0} - {0.0})
+
+
+def path_rows(problem: Problem, scheme: Scheme) -> tuple[tuple[int, int, int], ...]:
+    """Return (constraint, component, rows of an element) of the constraints along the motion that need rows.
+
+    Args:
+        problem: with its constraints.
+        scheme: whose points decide how many rows an element has.
+    """
+    expressions = ((i, c, problem.subject_to[i].expression[c]) for i, c in row_parts(problem, scheme)[0])
+    return tuple((i, c, len(path_points(scheme, part, problem.system.u))) for i, c, part in expressions)
+
+
+def row_parts(
+    problem: Problem, scheme: Scheme
+) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, Where], ...]]:
+    """Return the components of constraints that need rows: those that are not bounds of single unknowns."""
+    system = problem.system
+    equalities = {(one.constraint, one.component) for one in path_equalities(problem)}
+    path: list[tuple[int, int]] = []
+    ends: list[tuple[int, int, Where]] = []
+    for i, constraint in enumerate(problem.subject_to):
+        for c in row_components(constraint, system):
+            if (i, c) in equalities:
+                continue
+            if constraint.where is not Where.ALONG:
+                ends.append((i, c, constraint.where))
+                continue
+            path.append((i, c))
+            free = ca.depends_on(constraint.expression[c], system.u) and scheme.control is Control.COLLOCATED
+            if not free and 0.0 not in path_points(scheme, constraint.expression[c], system.u):
+                # The left ends of elements are left out, and with them the start of the motion.
+                ends.append((i, c, Where.START))
+    return tuple(path), tuple(ends)

@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import ocp
 from models import torus
 from models.effects import Gravity
 from models.forms import canonical
@@ -29,6 +30,7 @@ from ocp import (
     uniform,
     verify,
 )
+from ocp.accuracy.violation_costs import cost_of_violations
 
 ARM = canonical(torus(), [Gravity()])
 TASK = point_to_point(
@@ -151,3 +153,23 @@ def test_several_obstacles_in_a_row():
     path = solution.x(np.linspace(0.0, solution.duration, 40001))[:, :2]
     for post in posts:
         assert np.min(np.linalg.norm(path - post, axis=1)) > 0.998 * 0.005
+
+
+def test_an_equation_along_the_motion_does_not_hide_what_an_obstacle_is_worth():
+    x, u, w = ca.SX.sym("x", 4), ca.SX.sym("u", 2), ca.SX.sym("w")
+    costs = []
+    for more in (False, True):
+        system = System(x, ca.vertcat(u, w) if more else u, None, ca.vertcat(x[2:], u))
+        ends = ocp.start(x, 0.0), ocp.end(x, [2.0, 0.0, 0.0, 0.0]), along(u, -1.0, 1.0)
+        equation = (along(w - u[0], 0.0, 0.0),) if more else ()
+        # The motion keeps clear of the smaller disc, and so passes through the rim of the larger one.
+        horizon, effort = Fixed(3.0), Bolza(running=ca.sumsqr(u))
+        posed, wider = (
+            Problem(system, horizon, effort, (*ends, ocp.outside(Ball((1.0, -0.1), radius), x[:2]), *equation))
+            for radius in (0.3, 0.31)
+        )
+        solution = ocp.prepare(posed, grid=ocp.uniform(12))()
+        assert solution.ok, solution.message
+        costs.append(float(cost_of_violations(solution, wider)[0].sum()))
+    assert costs[0] > 0.0
+    assert costs[1] == pytest.approx(costs[0], rel=1e-3)
