@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue.reports import LARGEST, STUDY, text_of
+from catalogue.report_texts import LARGEST, STUDY, text_of
 
 pytest.importorskip("plotly", reason="reports need Plotly: pip install plotly")
 

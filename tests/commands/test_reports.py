@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from catalogue.reports import LARGEST, STUDY, text_of
+from catalogue.report_texts import LARGEST, STUDY, text_of
 
 pytest.importorskip("plotly", reason="reports need Plotly: pip install plotly")
 
