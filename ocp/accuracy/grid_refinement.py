@@ -22,6 +22,7 @@ NARROWEST = 1e-9  # share of the horizon
 MOST_PARTS = 4  # that an element is split into
 HIGHEST = 9  # degree
 LONGEST_RUN = 3  # neighbouring elements that one jump of a control may disturb
+ISOLATED = 0.34  # an element of a run is narrow below this share of the run
 
 
 def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Scheme, Grid]:
@@ -95,6 +96,10 @@ def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float
                 continue
             share = np.clip((means[first:last, i] - after) / (before - after), 0.0, 1.0)
             shares.append(float(ends[first] + share @ widths[first:last]))
-        if shares:
+        # A jump that a narrow element holds already leaves no error in its neighbours: the control turns quickly there.
+        inner, whole = slice(first, last), ends[last] - ends[first]
+        held = [np.any((ends[inner] <= s) & (s <= ends[first + 1 : last + 1]) & (widths[inner] < ISOLATED * whole))
+                for s in shares]  # fmt: skip
+        if shares and not all(held):
             results.append((int(first), int(last), shares))
     return results

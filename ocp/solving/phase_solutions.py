@@ -11,6 +11,7 @@ from ocp.solution.integration_drift import collapsed
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import touched
 from ocp.solving.nlp_solver import NlpResult
+from ocp.solving.whole_turns import without_whole_turns
 from ocp.transcription.nlp import Nlp
 from ocp.transcription.packing import unpack
 
@@ -33,14 +34,13 @@ def solutions_of(
     results = []
     for nlp, z, own, held, numbers in zip(nlps, zs, rows, limits, values, strict=False):
         motion = unpack(nlp, z, own, held, numbers)
-        results.append(
-            Solution(
-                result.status, result.status.value, result.verbatim, motion.duration, result.cost, motion.states,
-                motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
-                result.iterations, nlp.grid, nlp.scheme, nlp.problem, rung, result.log,
-                motion.multipliers,
-            )
+        found = Solution(
+            result.status, result.status.value, result.verbatim, motion.duration, result.cost, motion.states,
+            motion.controls, motion.slopes, motion.costates, motion.free, motion.values, timings,
+            result.iterations, nlp.grid, nlp.scheme, nlp.problem, rung, result.log,
+            motion.multipliers,
         )  # fmt: skip
+        results.append(without_whole_turns(found))
     if result.status in (Status.SOLVED, Status.ACCEPTABLE) and any(touched(results)):
         # The collocation equations are satisfied on both sides of the singularity, but the motion between is undefined.
         results = [replace(solution, status=Status.FAILED) for solution in results]

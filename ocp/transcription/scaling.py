@@ -91,7 +91,8 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     # In the guess, terms of a rate may cancel; slightly different states show how large they are.
     points = np.vstack([points, points * probes(points.shape, 0.95, 1.0)])
     nu, count = system.u.numel(), len(points)
-    held = np.zeros((nu, count)), ca.repmat(p, 1, count)
+    lower, upper = problem.limits(Where.ALONG, system.u)
+    held = np.tile(_within(np.zeros(nu), lower, upper)[:, None], count), ca.repmat(p, 1, count)
     slopes = np.abs(
         np.array(function.map(count)(points.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
     )
@@ -107,7 +108,8 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     u = largest_bound(problem, system.u)
     idle = (most > NEGLIGIBLE * u) & (IDLE * most < u)
     u = np.where(np.isfinite(u), np.where(idle, IDLE * most, u), used)
-    corners = np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u
+    # Rates with controls beyond their limits may be anything: a reaction at a negative temperature.
+    corners = _within(np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u, lower, upper)
     x_all, u_all = np.repeat(points, len(corners), axis=0), np.tile(corners, (count, 1))
     built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
     built[~np.isfinite(built)] = 0.0
@@ -165,7 +167,8 @@ def _cost_scale(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, A
         results = [0.0 if part.is_zero() else _largest(part, problem, motion, p)[0] for part in parts]
         return float(guess.duration * results[0] + results[1] + results[2])
 
-    x, u = np.vstack([guess.x[0] + corner[0], guess.x[-1] - corner[0]]), np.vstack([corner[1], -corner[1]])
+    x = np.vstack([guess.x[0] + corner[0], guess.x[-1] - corner[0]])
+    u = _within(np.vstack([corner[1], -corner[1]]), *problem.limits(Where.ALONG, problem.system.u))
     wide = Guess(np.array([0.0, 1.0]), x, u, guess.duration, guess.free)
     return timed + max(of(guess), LEAST_COST * of(wide))
 
@@ -208,6 +211,10 @@ def largest_bound(problem: Problem, symbols: ca.SX) -> Array:
     sides[~np.isfinite(sides)] = 0.0
     largest = np.max(sides, axis=0)
     return np.where(largest > 0.0, largest, np.inf)
+
+
+def _within(u: Array, low: Array, high: Array) -> Array:
+    return np.asarray(np.clip(u, low, np.maximum(low, high)))
 
 
 def _power_of_two(value: Array | float) -> Array:

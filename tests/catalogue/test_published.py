@@ -11,7 +11,8 @@ DEFAULT = (
     "double integrator from (1, 1)", "van der Pol in least time", "linear tangent steering", "past two discs",
     "great circle", "soap film", "geodesic of the half plane", "hanging chain", "Dido", "Hager",
     "linear boundary layers", "Kirk 5.1-1", "Duffing oscillator", "van der Pol with a state limit", "catalyst mixing",
-    "fishing", "singular regulator", "moon lander", "Goddard rocket", "orbit raising", "flying robot",
+    "fishing", "singular regulator", "moon lander", "Goddard rocket", "orbit raising", "flying robot", "batch reactor",
+    "cart-pole",
 )  # fmt: skip
 
 
@@ -25,7 +26,7 @@ def test_the_estimate_of_a_default_solve_contains_the_true_error(name):
     known = PUBLISHED[name]
     solution = solve(known.make())
     assert solution.ok
-    true, estimated = abs(solution.cost - known.value), estimate(solution).cost
+    true, estimated = abs(solution.cost - known.nearest(solution.cost)), estimate(solution).cost
     assert true <= 3.0 * estimated + 2.0 * known.digits
     assert estimated <= 1000.0 * true + 1e-6 * abs(known.value)
 

@@ -183,3 +183,19 @@ def test_scales_of_cost_and_limits_are_powers_of_two() -> None:
     scaling = prepare(around(1e-3, 1e3), grid=GRID).joined.nlps[0].scaling
     for size in (scaling.cost, *np.concatenate(scaling.limits)):
         assert np.log2(size) == round(np.log2(size))
+
+
+@pytest.mark.parametrize(("low", "high"), [(298.0, 398.0), (-398.0, -298.0)])
+def test_rates_with_controls_beyond_their_limits_set_no_scale(low: float, high: float) -> None:
+    # A reaction at a temperature: at -398 K its rate would be exp(+2500/398) times larger than it ever is.
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    first, second = 4000.0 * ca.exp(-2500.0 / ca.fabs(u)), 620000.0 * ca.exp(-5000.0 / ca.fabs(u))
+    signed = 4000.0 * ca.exp(-2500.0 / u * np.sign(low)), 620000.0 * ca.exp(-5000.0 / u * np.sign(low))
+    for one, two in ((first, second), signed):
+        system = System(x, u, rate=ca.vertcat(-one * x[0] ** 2, one * x[0] ** 2 - two * x[1]))
+        task = Problem(system, Fixed(1.0), Bolza(final=-x[1]), (start(x, [1.0, 0.0]), along(u, low, high)))
+        scaling = prepare(task).joined.nlps[0].scaling
+        assert np.all(scaling.x < 10.0)
+        solution = solve(task)
+        assert solution.cost == pytest.approx(-0.6108029205537, abs=2e-4)  # by shooting
+        assert estimate(solution).cost < 1e-3

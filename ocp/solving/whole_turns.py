@@ -1,0 +1,68 @@
+"""Controls that are angles: whole turns between neighbouring collocation points are removed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from ocp.checks import Array
+from ocp.problem.constraints import Where
+from ocp.problem.problem import Problem
+from ocp.solution.solution import Solution
+from ocp.transcription.schemes.scheme import Control
+
+TURN = 2.0 * np.pi
+SAME = 1e-10  # difference, relative to the largest value, that is rounding
+POINTS = 50  # of the motion at which the equations are compared, at most
+
+
+def without_whole_turns(solution: Solution) -> Solution:
+    """Return the same motion with controls that do not jump by whole turns from one collocation point to the next.
+
+    A direction of thrust enters the equations by sine and cosine only. The NLP then determines it up to a multiple of
+    2 pi at every collocation point by itself, and the polynomial through values that differ by whole turns is not the
+    control of the motion. Values at the points, cost and multipliers of the NLP are the same for all of them.
+
+    Controls are left alone where they have a limit, where they do not jump, where the equations do not have the period
+    2 pi in them, and where they are piecewise linear, as the equations then depend on the values between the points.
+
+    Args:
+        solution: of any status.
+    """
+    problem, shape = solution.problem, solution.scheme.control
+    if problem is None or shape is Control.LINEAR or not np.all(np.isfinite(solution.controls)):
+        return solution
+    values = solution.controls.reshape(-1, solution.controls.shape[2])
+    jumps = np.any(np.abs(np.diff(values, axis=0)) > np.pi, axis=0)
+    if not jumps.any():
+        return solution
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    free = np.flatnonzero(jumps & np.isinf(low) & np.isinf(high)).tolist()
+    angles = [i for i in free if _is_periodic(problem, solution, i)]
+    if not angles:
+        return solution
+    values = values.copy()
+    values[:, angles] = np.unwrap(values[:, angles], axis=0)
+    return replace(solution, controls=values.reshape(solution.controls.shape))
+
+
+def _is_periodic(problem: Problem, solution: Solution, i: int) -> bool:
+    """Return whether rates, cost and limits are the same with control i one turn further, along the motion."""
+    system = problem.system
+    limited = [c.expression for c in problem.subject_to if c.where is Where.ALONG]
+    everything = ca.vertcat(system.rate, problem.minimise.running, *limited)
+    function = ca.Function("equations", [system.x, system.u, system.p], [ca.densify(everything)])
+    _, x, _, u = solution.samples(solution.scheme.points)
+    chosen = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
+    further = u.copy()
+    further[:, i] += TURN
+    parameters = np.tile(solution.parameters[:, None], len(chosen))
+    here, there = (_values(function, x[chosen], one[chosen], parameters) for one in (u, further))
+    scale = np.max(np.abs(here), axis=1, keepdims=True)
+    return bool(np.all(np.abs(there - here) <= SAME * scale + 1e-300))
+
+
+def _values(function: ca.Function, x: Array, u: Array, parameters: Array) -> Array:
+    return np.asarray(function.map(len(x))(x.T, u.T, parameters).full())
