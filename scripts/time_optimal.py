@@ -110,7 +110,7 @@ def find_motion(
     show(f"{scene.machine.name} manipulator, {scene.form_name} form, frame {scene.frame_name}, "
          f"{', '.join(named(scene)) or 'no effects'}")  # fmt: skip
     show(f"{task.elements} elements of radau(3), one control value for each; solving ...")
-    for note in scene.system.notes:
+    for note in (*scene.system.notes, *passed_at_once(task, document)):
         show(f"note: {note}")
     solution, asked = find(task, scene.system, options, show, shown), checks_of(options)
     with working("verifying", shown):
@@ -141,6 +141,15 @@ def find_motion(
         print(f"time_optimal: no verified solution: {result.cause}", file=sys.stderr)
         return 1
     return 0
+
+
+def passed_at_once(task: Task, document: Table) -> list[str]:
+    """Return a note if via points of a document are passed where a leg begins or ends, and are no legs of the task."""
+    named = document.entries.get("task", {})
+    given = named.get("via", []) if isinstance(named, dict) else []
+    count = len(given) - len(task.via)
+    which = "a via point is" if count == 1 else f"{count} via points are"
+    return [f"{which} passed where the motion, or a leg of it, begins or ends: no leg of its own"] if count > 0 else []
 
 
 def torque_difference(solution: Solution | SequenceSolution, scene: Scene, table: np.ndarray) -> float:

@@ -16,6 +16,8 @@ from ocp.problem.regions import Region
 from ocp.problem.sequence import Sequence
 from ocp.system import System
 
+SAME = 1e-9  # difference of two numbers, relative or absolute, that is rounding (degrees)
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -29,6 +31,40 @@ class Interval:
         """Return the constraint at the start, at the end or along, as `where` is start, end or along."""
         replaces = self.signal if where is along and self.signal in system.limits else ""
         return where(system[self.signal], self.lower, self.upper, name=replaces)
+
+    def holds_in(self, point: tuple[Interval, ...]) -> bool:
+        """Return whether these limits hold wherever those of a point hold; rounding of numbers does not count."""
+        return any(
+            one.signal == self.signal
+            and all(a >= b - SAME * max(1.0, abs(b)) for a, b in zip(one.lower, self.lower, strict=True))
+            and all(a <= b + SAME * max(1.0, abs(b)) for a, b in zip(one.upper, self.upper, strict=True))
+            for one in point
+        )
+
+
+def without_standing_legs(
+    points: list[tuple[Interval, ...]], horizons: tuple[Free | Fixed, ...]
+) -> tuple[tuple[tuple[Interval, ...], ...], tuple[Free | Fixed, ...]]:
+    """Return the via points and horizons of a motion without the via points that are passed where a leg begins or ends.
+
+    A leg of free duration between a point and itself has no length; its equations determine nothing.
+
+    Args:
+        points: start, via points, end.
+        horizons: one for each leg; a leg of fixed duration, or with a lower limit of it, is kept.
+    """
+    points, left = list(points), list(horizons)
+    k = 1
+    while k < len(points) - 1:
+        for leg, neighbour in ((k - 1, points[k - 1]), (k, points[k + 1])):
+            horizon = left[leg]
+            free = isinstance(horizon, Free) and horizon.lower == 0.0
+            if free and all(interval.holds_in(neighbour) for interval in points[k]):
+                del points[k], left[leg]
+                break
+        else:
+            k += 1
+    return tuple(points[1:-1]), tuple(left)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from models.mechanics.terms import snake
 from models.scenes.robot_entry import machine_limits
 from models.scenes.scene import Scene
 from models.scenes.scene_file import KEYS, read_scene
-from models.scenes.task import Interval, Obstacle, Task
+from models.scenes.task import Interval, Obstacle, Task, without_standing_legs
 from models.scenes.toml_document import SceneError, Table, is_angle, parse, read_document, spellings, unknown
 from ocp.problem import regions
 from ocp.problem.problem import Fixed, Free
@@ -81,6 +81,10 @@ def read_task(document: Table, scene: Scene) -> Task:
         for k, point in enumerate(points, 1)
     )
     begin, finish = _pose(table, "from", scene), _pose(table, "to", scene)
+    still = Interval("v", *(((0.0,) * system["v"].numel(),) * 2)) if "v" in system.signals else None
+    edges = [(*point, still) if still is not None and still.signal not in {one.signal for one in point} else point
+             for point in (begin, finish)]  # fmt: skip
+    via, horizons = without_standing_legs([edges[0], *via, edges[1]], _horizons(table, len(via) + 1))
     time, squares, integral = _cost(table, system)
     obstacles = tuple(_obstacle(inner, system) for inner in table.tables("obstacles"))
     task = Task(
@@ -89,7 +93,7 @@ def read_task(document: Table, scene: Scene) -> Task:
         finish,
         tuple(results),
         obstacles,
-        _horizons(table, len(via) + 1),
+        horizons,
         _elements(table),
         time,
         squares,

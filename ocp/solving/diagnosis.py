@@ -29,6 +29,12 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
         results += _worst(solution, phase)
     results.sort(key=lambda pair: -pair[0])
     if any(map(collapsed, solutions)):
+        which = [str(k) for k, one in enumerate(solutions, 1) if collapsed(one)]
+        if len(solutions) > 1:
+            return [
+                f"the duration of phase {', '.join(which)} collapsed: no motion; leave out a phase that begins and "
+                "ends at the same point, or give it a lower limit, Free(guess, lower=...)"
+            ]
         return [
             f"the duration collapsed to {min(s.duration for s in solutions):.2g} s though start and goal differ: "
             "no motion; give it a lower limit, Free(guess, lower=...), or limit the states"

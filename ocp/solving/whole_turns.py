@@ -32,7 +32,8 @@ def without_whole_turns(solution: Solution) -> Solution:
         solution: of any status.
     """
     problem, shape = solution.problem, solution.scheme.control
-    if problem is None or shape is Control.LINEAR or not np.all(np.isfinite(solution.controls)):
+    known = solution.controls.size > 0 and bool(np.all(np.isfinite(solution.controls)))
+    if problem is None or shape is Control.LINEAR or not known:
         return solution
     values = solution.controls.reshape(-1, solution.controls.shape[2])
     jumps = np.any(np.abs(np.diff(values, axis=0)) > np.pi, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 from ocp import Report, SequenceSolution, Solution, Status
 from reports.motion_solving import AGREEMENT
 
-TRIED = re.compile(r" \(guesses tried: [^)]*\)")
+TRIED = re.compile(r" \(guesses tried: (?:[^()]|\([^()]*\))*\)")
 ADVICE = ("raise ", "move ", "loosen ", "widen ", "give ", "use ", "try ")
 SMALL = 1e-3  # share of the duration below which a possible gain is not worth a finer grid
 

@@ -168,6 +168,31 @@ def test_tasks_become_problems():
     assert sequence.links == ("q", "p")
 
 
+@pytest.mark.parametrize(
+    ("via", "legs"),
+    [("0.5", 1), ("0.7", 1), ("0.6, 0.6", 2), ("0.5, 0.6, 0.6, 0.7", 2), ("0.5, 0.7", 1), ("0.6, 0.5", 3)],
+)
+def test_a_via_point_where_the_motion_is_already_is_no_leg(via, legs):
+    # A leg of free duration without length has no equations that determine it: the command ended with status 1.
+    _, plain = task(f"from = 0.5\nto = 0.7\nvia = [{via}]\n")
+    assert len(plain.horizons) == legs
+    assert len(plain.via) == legs - 1
+
+
+def test_legs_of_a_given_duration_and_points_passed_at_speed_are_kept():
+    _, waits = task("from = 0.5\nto = 0.7\nvia = [0.5]\nhorizon = [ 0.5, {} ]\n")
+    assert waits.horizons == (Fixed(0.5), Free())
+    _, slow = task("from = 0.5\nto = 0.7\nvia = [0.5]\nhorizon = [ { lower = 0.2 }, {} ]\n")
+    assert len(slow.horizons) == 2
+    _, later = task("from = 0.5\nto = 0.7\nvia = [0.5, 0.6]\nhorizon = [ {}, { guess = 0.3 }, { guess = 0.4 } ]\n")
+    assert later.horizons == (Free(0.3), Free(0.4))
+    pose = "q = [0.5, 0.0, 0.0, 0.85]"
+    ends = "from = { q = [0.5, 0.0, 0.0, 0.85] }\nto = { q = [0.7, 0.0, 0.0, 0.85] }\n"
+    _, moving = task(f"{ends}via = [{{ {pose}, v = [0.1, 0.0, 0.0, 0.0] }}]\n")
+    _, resting = task(f"{ends}via = [{{ {pose}, v = [0.0, 0.0, 0.0, 0.0] }}]\n")
+    assert (len(moving.via), len(resting.via)) == (1, 0)
+
+
 def test_a_task_starts_and_ends_drives_at_rest():
     scene, plain = task("from = [0.9, 0.0, 0.0, 0.85]\nto = [1.6, 2.0, 0.5, 0.9]\n",
                         "[effects.elastic_drive]\nstiffness = 2e4\ninertia = 1.0\n")  # fmt: skip
