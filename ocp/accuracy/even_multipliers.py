@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ocp.accuracy.control_shape import switching_controls
 from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.numerics.polynomials import slope_matrix
@@ -53,8 +54,9 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     every element. By complementarity only the moved part of the multipliers, de_c/dt, contributes to the second
     term. nu_c >= 0 is not enforced; on problems with a known optimum the bound holds (tests/accuracy/test_adjoint.py).
 
-    Costates are returned unchanged for linear or collocated controls and where H is nonlinear in the controls: there
-    is no saw-tooth then, and the switching functions measure the error due to the shape of the control.
+    Costates are returned unchanged for linear or collocated controls and where H is nonlinear in the controls (by more
+    than a small cost on effort): there is no saw-tooth then, and the switching functions measure the error due to the
+    shape of the control.
 
     Args:
         solution: of any status; elements with NaN or infinite values are returned unchanged.
@@ -128,7 +130,7 @@ def _limits(problem: Problem) -> tuple[ca.Function, Array, Array]:
     """
     system, rows = problem.system, []
     H = hamiltonian_of(problem)
-    if not H.curvature.is_zero():
+    if not switching_controls(problem):
         return ca.Function(), np.zeros(0), np.zeros(0)
     for constraint in problem.subject_to:
         if constraint.where is not Where.ALONG:

@@ -8,16 +8,14 @@ from collections.abc import Sequence as Several
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.accuracy.control_shape import scheme_for
 from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.grid_refinement import refine
 from ocp.accuracy.sequence_refinement import refined
 from ocp.accuracy.tolerances import Cost, Tolerance
-from ocp.problem.constraints import Where
-from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence, parameter_values
 from ocp.solution.accuracy import Accuracy, Errors
@@ -29,7 +27,6 @@ from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import prepare
 from ocp.solving.solver import solve
 from ocp.transcription.grid import Grid, uniform
-from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 STEPS = 30  # at most
@@ -146,7 +143,7 @@ def solve_to_accuracy(
         raise TypeError(f"{called}: finish is {checks.shown(finish)}, expected a function of a Solution, or None")
     own = Ipopt() if solver is None else solver
     if isinstance(problem, Sequence):
-        schemes, begun = [_scheme(phase) for phase in problem.problems], time.perf_counter()
+        schemes, begun = [scheme_for(phase) for phase in problem.problems], time.perf_counter()
         chosen = scheme or next((one for one in schemes if one.control is Control.COLLOCATED), schemes[0])
         first = solve(problem, chosen, uniform(20) if grid is None else grid, own, guess, values)
         left = max(seconds - (time.perf_counter() - begun), 1e-3)
@@ -154,7 +151,7 @@ def solve_to_accuracy(
             posed, tolerance, chosen, one.grid, own, one, known, seconds=left, elements=elements, finish=finish
         ))  # fmt: skip
     task = _Task(problem, wanted, own, values, _Budget(seconds, elements, time.perf_counter()), finish)
-    return _steps(task, _scheme(problem) if scheme is None else scheme, uniform(20) if grid is None else grid, guess)
+    return _steps(task, scheme_for(problem) if scheme is None else scheme, uniform(20) if grid is None else grid, guess)
 
 
 def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None) -> Iterator[Solution]:
@@ -289,11 +286,3 @@ def _next(
             return replace(result, iterations=spent, message=message), ""
         why = "leads to a worse optimum" if result.status in USABLE else "fails"
     return last, f"the next step {why}"
-
-
-def _scheme(problem: Problem) -> Scheme:
-    """Return radau(3) with constant controls if H is linear in the controls and all are limited, else collocated."""
-    system = problem.system
-    curved = ca.depends_on(hamiltonian_of(problem).slope, system.u)
-    bounded = np.all(np.isfinite(np.concatenate(problem.limits(Where.ALONG, system.u))))
-    return radau(3, Control.COLLOCATED if curved or not bounded else Control.CONSTANT)

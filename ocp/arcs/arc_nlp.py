@@ -8,23 +8,22 @@ import time
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 
+from ocp.arcs.arc_conditions import conditions_of
 from ocp.arcs.arc_penalties import penalties_of, value_of
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
 from ocp.arcs.null_space_newton import Equations, as_equations
 from ocp.arcs.simultaneous_switches import chosen_multipliers
 from ocp.arcs.state_limit_multipliers import LimitCondition, adjoin_directly
 from ocp.checks import Array
-from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.solution.solution import Solution, Status
-from ocp.solution.structure import Arc, Contact, Kind
+from ocp.solution.structure import Arc, Kind
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.nlp_solver import NlpResult, PhysicalSolver, physical_solver
-from ocp.transcription.arc_layout import ArcLayout, Condition
+from ocp.transcription.arc_layout import ArcLayout
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
@@ -204,7 +203,7 @@ def transcribe_arcs(
     grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
     freed = _freed(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
-    conditions = _conditions(task, arcs, arc, guess.duration)
+    conditions = conditions_of(task, arcs, arc, guess.duration)
     penalties = penalties_of(task, arcs, arc, None if effort else guess, grid, weight)
     arc_layout = ArcLayout(
         arc, tuple(own.condition for own in conditions), bool(np.isfinite(_totals(task.problem)).any()), penalties
@@ -267,34 +266,3 @@ def _grid(durations: Array, arc: Array, widths: Array) -> Grid:
     share = seconds / seconds[-1]
     share[-1] = 1.0
     return Grid(share)
-
-
-def _conditions(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: float) -> tuple[LimitCondition, ...]:
-    """Return the equations of the state limits that are active along an arc or touched at its start."""
-    system = task.problem.system
-    _, _, (start_known, _) = ends(task.problem, ca.DM(list(task.numbers)))
-    conditions: list[LimitCondition] = []
-
-    def condition(k: int, contact: Contact, orders: range, along: bool) -> LimitCondition:
-        limit, own, chain = task.limits[contact.limit], np.flatnonzero(arc == k), task.chain(contact)
-        gradients = [ca.densify(ca.jacobian(c, system.x)) for c in chain[:-1]]
-        function = ca.Function("gradients", [system.x, system.u, system.p], gradients)
-        scale = limit.range / seconds ** np.array(orders)
-        expression = ca.vertcat(*(chain[order] for order in orders))
-        points = (own, tuple(task.scheme.points)) if along else (own[:1], (0.0,))
-        return LimitCondition(Condition(expression, scale, *points), k, contact, along, orders[0], function)
-
-    for k, a in enumerate(arcs):
-        exact = [c for c in arcs[k - 1].held if c.control >= 0] if k else []
-        before = {(c.limit, c.side): len(task.chain(c)) - 1 for c in exact}
-        for contact in (c for c in a.held if c.control >= 0):
-            order = len(task.chain(contact)) - 1
-            # A limit of first order is held as well by c = limit at the points as by c' = 0, with shorter derivatives.
-            conditions.append(condition(k, contact, range(1) if order == 1 else range(order, order + 1), True))
-            # What the arc before holds already needs no condition, but derivatives of a higher order do.
-            fulfilled = before.get((contact.limit, contact.side), 0)
-            if order > fulfilled and not (k == 0 and start_known):
-                conditions.append(condition(k, contact, range(fulfilled, order), False))
-        for contact in a.touched:
-            conditions.append(condition(k, contact, range(min(task.limits[contact.limit].order, 2)), False))
-    return tuple(conditions)

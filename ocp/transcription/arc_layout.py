@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ocp.checks import Array
+from ocp.transcription.derivatives import Repeated
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +20,7 @@ class Condition:
         elements: (e,) indices of the elements.
         tau: points on each of these elements, in [0, 1].
         weights: of the points in a weighted sum that is the only row; empty for a row at every point.
+        made: the expression with its derivatives, if they are there already.
     """
 
     expression: ca.SX
@@ -26,6 +28,7 @@ class Condition:
     elements: Array
     tau: tuple[float, ...]
     weights: tuple[float, ...] = ()
+    made: Repeated | None = None
 
     @property
     def rows(self) -> int:

@@ -27,6 +27,7 @@ class Local:
         terms: matrices outer_j (m + 1, nv) and inner_j (ny, nw).
         unknowns: (nw, copies) indices of w among the unknowns of the NLP, for each copy.
         inner: the values in terms of inner unknowns that solve an equation, for shorter derivatives.
+        made: the functions of v and its derivatives, if they are there already.
     """
 
     values: ca.SX
@@ -36,6 +37,7 @@ class Local:
     terms: Sequence[tuple[Array, Array]]
     unknowns: Array
     inner: Inner | None = None
+    made: tuple[ca.Function, ca.Function] | None = None
 
     @property
     def rows(self) -> int:
@@ -54,16 +56,7 @@ class Local:
             constant = _sparse(self.linear)
             zero = ca.SX(len(self.unknowns), len(self.unknowns))
             return Derived(w, lam, ca.densify(constant @ w), ca.SX(constant), zero)
-        weights = ca.SX.sym("weights", self.values.numel())
-        values = self.values
-        if self.inner is None:
-            jacobian = ca.jacobian(self.values, self.arguments)
-            curvature = ca.hessian(ca.dot(weights, self.values), self.arguments)[0]
-        else:
-            values, jacobian, curvature = self.inner.derivatives(self.arguments, weights)
-        given = [self.arguments, *self.inputs]
-        first = ca.Function("v", given, ca.cse([values, jacobian]))
-        second = ca.Function("h", [*given, weights], ca.cse([curvature]))
+        first, second = self.made or derivatives_of(self.values, self.arguments, self.inputs, self.inner)
         linear = _sparse(self.linear)
         results, slopes, upper = linear @ w, ca.SX(linear), ca.SX(len(self.unknowns), len(self.unknowns))
         for outer, inner in ((_sparse(one), _sparse(other)) for one, other in self.terms):
@@ -82,6 +75,42 @@ class Local:
         """Return row and column indices in the NLP of the entries of a local matrix, for all copies."""
         row, column = (np.array(part, dtype=np.int64) for part in pattern.get_triplet())
         return (row + pattern.size1() * np.arange(self.copies)[:, None]).ravel(), self.unknowns[column].T.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """A function v(y, inputs) whose derivatives are made once for many NLPs: arguments of `Local`."""
+
+    values: ca.SX
+    arguments: ca.SX
+    inputs: tuple[ca.SX, ...]
+    derivatives: tuple[ca.Function, ca.Function]
+
+
+def repeated(values: ca.SX, arguments: ca.SX, inputs: tuple[ca.SX, ...]) -> Repeated:
+    """Return a function with its derivatives.
+
+    Args:
+        values: (nv,) expressions v.
+        arguments: (ny,) symbols y.
+        inputs: symbols of parameters.
+    """
+    return Repeated(values, arguments, inputs, derivatives_of(values, arguments, inputs))
+
+
+def derivatives_of(
+    values: ca.SX, arguments: ca.SX, inputs: tuple[ca.SX, ...], inner: Inner | None = None
+) -> tuple[ca.Function, ca.Function]:
+    """Return (y, inputs) -> v, dv/dy and (y, inputs, weights) -> Hessian of weights . v; arguments as for `Local`."""
+    weights = ca.SX.sym("weights", values.numel())
+    if inner is None:
+        jacobian = ca.jacobian(values, arguments)
+        curvature = ca.hessian(ca.dot(weights, values), arguments)[0]
+    else:
+        values, jacobian, curvature = inner.derivatives(arguments, weights)
+    given = [arguments, *inputs]
+    first = ca.Function("v", given, ca.cse([values, jacobian]))
+    return first, ca.Function("h", [*given, weights], ca.cse([curvature]))
 
 
 @dataclass(frozen=True, eq=False)

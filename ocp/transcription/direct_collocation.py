@@ -16,9 +16,10 @@ from ocp.checks import Array
 from ocp.numerics.compilation import Compile
 from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Fixed, Problem
-from ocp.transcription.arc_layout import ArcLayout, Condition, Penalty
+from ocp.transcription.arc_layout import ArcLayout, Penalty
+from ocp.transcription.conditions import at_points
 from ocp.transcription.derivatives import Local, assemble
-from ocp.transcription.element_points import block_diagonal, path_points, row_parts
+from ocp.transcription.element_points import block_diagonal, control_matrix, path_points, row_parts, unknowns_of
 from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
@@ -66,7 +67,7 @@ def transcribe(
     blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
     conditions = arc_layout.conditions + equality_conditions(problem, scheme, n, scaling)
     for condition in conditions:
-        local = _chosen(problem, scheme, layout, symbols, condition, arc_layout.arc)
+        local = at_points(problem, scheme, layout, (scaling, free), condition, arc_layout.arc)
         blocks.append((local, [ca.repmat(p, 1, local.copies)]))
         sizes.append(np.ones(local.rows))
     for penalty in arc_layout.penalties:
@@ -151,21 +152,13 @@ def _element(
             if t in held:
                 outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
         node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
-        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
+        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), control_matrix(scheme, t, nu), np.eye(shared))))
     linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
     linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
     return Local(
         ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), arguments,
-        (symbols.p, symbols.given, width), linear, terms, _indices(layout, np.arange(n), arc), inner,
+        (symbols.p, symbols.given, width), linear, terms, unknowns_of(layout, np.arange(n), arc), inner,
     )  # fmt: skip
-
-
-def _indices(layout: Layout, elements: Array, arc: Array) -> Array:
-    """Return the indices (nw, e) of states, controls, duration and free parameters of elements."""
-    e = len(elements)
-    durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
-    states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
-    return np.vstack([states, controls, durations, np.tile(layout.free[:, None], e)])
 
 
 def _ends(
@@ -188,35 +181,15 @@ def _ends(
     indices = np.unique(np.concatenate([*at, layout.horizon, layout.free]))
     number = np.searchsorted(indices, np.concatenate([*at, layout.horizon[:1], layout.free]))
     shared = symbols.shared.numel()
-    inner = block_diagonal(*(m for t in (0.0, 1.0) for m in (np.eye(nx), _control(scheme, t, nu))), np.eye(shared))
+    inner = block_diagonal(
+        *(m for t in (0.0, 1.0) for m in (np.eye(nx), control_matrix(scheme, t, nu))), np.eye(shared)
+    )
     linear = np.zeros((len(rows) + 1, len(indices)))
     linear[-1, np.isin(indices, layout.horizon)] = minimise.time * symbols.scaling.horizon
     return Local(
         ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), linear,
         [(np.eye(len(rows) + 1), inner @ np.eye(len(indices))[number])], indices[:, None],
     )  # fmt: skip
-
-
-def _chosen(
-    problem: Problem, scheme: Scheme, layout: Layout, symbols: _Symbols, condition: Condition, arc: Array
-) -> Local:
-    """Return the function of a condition at points of chosen elements."""
-    system, (m, nx), (c, nu) = problem.system, layout.state.shape[1:], layout.control.shape[1:]
-    inside = ca.Function("c", [system.x, system.u, system.p], [condition.expression])
-    x, u = ca.SX.sym("x", nx), ca.SX.sym("u", nu)
-    values = ca.densify(inside(*symbols.physical(x, u))) / condition.scale
-    count, shared = values.numel(), symbols.shared.numel()
-    points, terms = 1 if condition.weights else len(condition.tau), []
-    for j, t in enumerate(condition.tau):
-        outer = np.zeros((count * points + 1, count))
-        row, weight = (0, condition.weights[j]) if condition.weights else (j, 1.0)
-        outer[row * count : (row + 1) * count] = weight * np.eye(count)
-        node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
-        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), _control(scheme, t, nu), np.eye(shared))))
-    linear = np.zeros((count * points + 1, m * nx + c * nu + shared))
-    return Local(
-        values, ca.vertcat(x, u, symbols.shared), (symbols.p,), linear, terms, _indices(layout, condition.elements, arc)
-    )
 
 
 def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) -> Local:
@@ -232,7 +205,7 @@ def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) ->
     value = penalty.weight / 2.0 * width * symbols.duration * squares
     rest = c * nu + shared.numel()
     inner = np.hstack([np.zeros((rest, m * nx)), np.eye(rest)])
-    indices = _indices(layout, penalty.elements, arc)
+    indices = unknowns_of(layout, penalty.elements, arc)
     return Local(
         value,
         ca.vertcat(u, shared),
@@ -256,11 +229,6 @@ def _unevenness(layout: Layout, weight: float) -> Local:
     pair, h = ca.SX.sym("pair", 2), layout.horizon
     value = weight * (pair[1] - pair[0]) ** 2
     return Local(value, pair, (), np.zeros((1, 2)), [(np.ones((1, 1)), np.eye(2))], np.stack([h[:-1], h[1:]]))
-
-
-def _control(scheme: Scheme, tau: float, nu: int) -> Array:
-    """Return the matrix that takes the control unknowns of an element to the control at tau."""
-    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
 
 
 def free_parameters(problem: Problem) -> Array:

@@ -9,6 +9,7 @@ from ocp.checks import Array
 from ocp.problem.constraints import Where, row_components
 from ocp.problem.equations_along import path_equalities
 from ocp.problem.problem import Problem
+from ocp.transcription.layout import Layout
 from ocp.transcription.schemes.scheme import Control, Scheme
 
 
@@ -19,6 +20,25 @@ def block_diagonal(*blocks: Array) -> Array:
     for block, row, column in zip(blocks, rows, columns, strict=False):
         whole[row : row + block.shape[0], column : column + block.shape[1]] = block
     return whole
+
+
+def control_matrix(scheme: Scheme, tau: float, nu: int) -> Array:
+    """Return the matrix that takes the control unknowns of an element to the control at tau."""
+    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
+
+
+def unknowns_of(layout: Layout, elements: Array, arc: Array) -> Array:
+    """Return the indices (nw, e) of states, controls, duration and free parameters of elements.
+
+    Args:
+        layout: of the unknowns.
+        elements: (e,) indices.
+        arc: (N,) arc of every element.
+    """
+    e = len(elements)
+    durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
+    states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
+    return np.vstack([states, controls, durations, np.tile(layout.free[:, None], e)])
 
 
 def path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:

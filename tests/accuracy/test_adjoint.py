@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from catalogue import problems
 
-from ocp import Control, Ipopt, along, estimate, legendre, lobatto, radau, solve, uniform, verify
+from ocp import Control, Ipopt, along, estimate, gentle, legendre, lobatto, radau, solve, uniform, verify
 from ocp.accuracy.even_multipliers import even
 
 SHARP = Ipopt(tol=1e-11, progress=False)
@@ -21,6 +21,15 @@ def test_the_gain_under_a_speed_limit_bounds_the_known_error_closely(scheme, ele
     true = solution.cost - LIFT.cost
     gain = verify(solution).switching * solution.cost
     assert true <= gain <= 6.0 * true
+    assert true <= estimate(solution).cost <= 12.0 * true
+
+
+@pytest.mark.parametrize("elements", [10, 20, 40])
+def test_a_small_cost_on_effort_leaves_the_bound_close(elements):
+    problem = gentle(LIFT.problem)
+    best = solve(problem, radau(3), uniform(400), SHARP).cost  # 5e-6 above that of 1600 elements
+    solution = solve(problem, radau(3), uniform(elements), SHARP)
+    true = solution.cost - best
     assert true <= estimate(solution).cost <= 12.0 * true
 
 

@@ -15,6 +15,7 @@ from ocp import (
     Signal,
     Status,
     estimate,
+    gentle,
     radau,
     solve,
     solve_to_accuracy,
@@ -55,6 +56,14 @@ def test_controls_keep_their_limits_by_default():
     last = ladder(problems.two_link, 1e-6)[-1]
     assert np.max(np.abs(last.controls)) <= 1.0
     assert verify(last).violation < 1e-9
+
+
+def test_a_small_cost_on_effort_leaves_controls_switching():
+    steps = list(solve_to_accuracy(gentle(problems.two_link().problem), 1e-4))
+    assert {step.scheme.control for step in steps} == {Control.CONSTANT}
+    assert steps[-1].accuracy.met
+    assert verify(steps[-1]).ok
+    assert next(solve_to_accuracy(problems.crane().problem)).scheme.control is Control.COLLOCATED
 
 
 def test_smooth_problem_raises_the_degree():

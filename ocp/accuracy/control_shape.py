@@ -1,0 +1,38 @@
+"""The shape of the control on the elements of a refined grid: constant where controls switch, polynomial elsewhere."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian_of
+from ocp.problem.problem import Problem
+from ocp.transcription.schemes.radau_iia import radau
+from ocp.transcription.schemes.scheme import Control, Scheme
+
+NEARLY_LINEAR = 0.05  # largest cost of all controls at their limits, share of that of time
+
+
+def scheme_for(problem: Problem) -> Scheme:
+    """Return radau(3) with constant controls if all are limited and `switching_controls`, else collocated.
+
+    Collocated controls leave their limits around a switch.
+    """
+    bounded = np.all(np.isfinite(np.concatenate(problem.limits(Where.ALONG, problem.system.u))))
+    return radau(3, Control.CONSTANT if bounded and switching_controls(problem) else Control.COLLOCATED)
+
+
+def switching_controls(problem: Problem) -> bool:
+    """Return whether H is linear in the controls, or so nearly that they switch between their limits.
+
+    It is if all controls at their limits cost less than a twentieth of the time, as in `gentle(problem)`.
+    """
+    H = hamiltonian_of(problem)
+    if not ca.depends_on(H.slope, problem.system.u):
+        return True
+    most = np.max(np.abs(problem.limits(Where.ALONG, problem.system.u)), axis=0)
+    if not np.all(np.isfinite(most)) or ca.symvar(ca.densify(H.curvature)):
+        return False
+    largest = most @ np.abs(ca.DM(H.curvature).full()) @ most / 2.0
+    return bool(largest <= NEARLY_LINEAR * problem.minimise.time)
