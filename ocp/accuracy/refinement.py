@@ -25,6 +25,7 @@ from ocp.solving.guess_conversion import GuessLike, as_guesses, is_ladder
 from ocp.solving.guess_rungs import Smooth
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.prepared_nlp import prepare
+from ocp.solving.resolving_grid import resolved
 from ocp.solving.solver import solve
 from ocp.transcription.grid import Grid, uniform
 from ocp.transcription.schemes.scheme import Control, Scheme
@@ -32,6 +33,7 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 STEPS = 30  # at most
 LATER = 1e-3  # share of the last error that the solver may leave in a step
 TIGHTEST = 1e-13  # tolerance of the solver
+TIGHT = 1e-9  # the same for the last grid, if its motion needs another one
 COARSE = 100.0  # error over that of the default solve up to which a coarse grid of higher order is refined on
 STALLED = 4  # steps without half the error before
 USABLE = (Status.SOLVED, Status.ACCEPTABLE)  # the error estimate includes what a looser solve leaves
@@ -105,7 +107,7 @@ def solve_to_accuracy(
     their share of the error are split, and those in which an obstacle is passed between the nodes; if the error of a
     smooth problem is spread over the grid, the degree is raised instead; neighbours that contribute nothing are merged.
     A step is a warm start from the one before, multipliers included, and a cold start if that fails or leads to a worse
-    optimum.
+    optimum. The last one is solved on a grid that resolves its motion (`resolved`), if there is time.
 
     For the best accuracy within T seconds: tol=1e-15, seconds=T, and the last step.
 
@@ -185,7 +187,8 @@ def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[A
         if not reason:
             continue
         ended = step if best is None or met else best
-        yield _last(ended, reason if ended is step else f"{reason}; this is the best of {len(history)} steps")
+        words = reason if ended is step else f"{reason}; this is the best of {len(history)} steps"
+        yield _last(ended if best is None else _resolved(task, ended), words)
         return
 
 
@@ -207,6 +210,15 @@ def _other_optimum(best: Solution, step: Solution) -> bool:
 def _last(step: Solution, reason: str) -> Solution:
     accuracy = None if step.accuracy is None else replace(step.accuracy, reason=reason)
     return replace(step, accuracy=accuracy, message=f"{step.message} ({accuracy})")
+
+
+def _resolved(task: _Task, step: Solution) -> Solution:
+    """Return a step on a grid that resolves its motion, if that is solved in time and its error is no larger."""
+    if step.status is not Status.SOLVED or step.structure is not None or not task.budget.left > 0.0:
+        return step
+    finer: Solution = resolved(step, task.timed(min(task.solver.tol, TIGHT)), task.values, task.budget.left)
+    rated = step if finer is step else task.rated(finer, estimate(finer))
+    return rated if _error(rated) <= max(_error(step), task.wanted.tol) else step
 
 
 def _finished(task: _Task, step: Solution, errors: Errors) -> Solution | None:
