@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from collections.abc import Sequence as Several
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,16 @@ from ocp import checks
 from ocp.accuracy.control_shape import scheme_for
 from ocp.accuracy.error_estimate import estimate
 from ocp.accuracy.grid_refinement import refine
+from ocp.accuracy.limit_order import Pattern, control_pattern
+from ocp.accuracy.refinement_task import Budget, RefinementTask
 from ocp.accuracy.sequence_refinement import refined
 from ocp.accuracy.tolerances import Cost, Tolerance
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence, parameter_values
-from ocp.solution.accuracy import Accuracy, Errors
+from ocp.solution.accuracy import Errors
 from ocp.solution.solution import Solution, Status
 from ocp.solving.between_nodes import exceeded_between_nodes, with_nodes
+from ocp.solving.deadline import within
 from ocp.solving.guess_conversion import GuessLike, as_guesses, is_ladder
 from ocp.solving.guess_rungs import Smooth
 from ocp.solving.ipopt import Ipopt
@@ -37,53 +40,6 @@ TIGHT = 1e-9  # the same for the last grid, if its motion needs another one
 COARSE = 100.0  # error over that of the default solve up to which a coarse grid of higher order is refined on
 STALLED = 4  # steps without half the error before
 USABLE = (Status.SOLVED, Status.ACCEPTABLE)  # the error estimate includes what a looser solve leaves
-
-
-@dataclass(frozen=True, eq=False)
-class _Budget:
-    seconds: float
-    elements: int
-    begun: float
-
-    @property
-    def spent(self) -> float:
-        return time.perf_counter() - self.begun
-
-    @property
-    def left(self) -> float:
-        """Seconds until the budget is spent."""
-        return self.seconds - self.spent
-
-    def refuses(self, grid: Grid, last: float, now: int) -> str:
-        """Return why a further step does not fit; empty if it does."""
-        if len(grid) > self.elements:
-            return f"the next grid would have {len(grid)} elements, {self.elements} are allowed"
-        if self.spent + last * len(grid) / max(now, 1) > self.seconds:
-            return f"the next step would not end within {self.seconds:g} s"
-        return ""
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """What is refined, and how: the same for all steps."""
-
-    problem: Problem
-    wanted: Tolerance
-    solver: Ipopt
-    values: Mapping[str, float] | None
-    budget: _Budget
-    finish: Callable[[Solution], Solution] | None
-
-    def timed(self, tol: float, share: float = 1.0) -> Ipopt:
-        """Return settings of one solve with a tolerance and a share of the seconds that are left."""
-        seconds = min(self.solver.max_seconds, max(share * self.budget.left, 0.1))
-        return replace(self.solver, tol=tol, max_seconds=seconds)
-
-    def rated(self, solution: Solution, errors: Errors) -> Solution:
-        """Return a solution with its accuracy."""
-        wanted, error = self.wanted, self.wanted.error(solution, errors)
-        accuracy = Accuracy(error, wanted.tol, wanted.unit, wanted.what, self.budget.spent, errors)
-        return replace(solution, accuracy=accuracy)
 
 
 def solve_to_accuracy(
@@ -120,10 +76,12 @@ def solve_to_accuracy(
         solver: settings; the tolerance is tightened from step to step with the error and the number of limits.
         guess: for the first step, as in `solve`.
         values: of parameters, by name.
-        seconds: no step is begun that would probably end later [s]; the first is always solved.
+        seconds: no step is begun that would probably end later, and none goes on longer [s]; the first one has two
+            seconds at least.
         elements: largest number of elements of a grid.
-        finish: a last stage, Solution -> Solution, such as `polish`, tried on every step; its result is yielded if
-            its error is smaller than that of the step, and ends the refinement if it meets the tolerance.
+        finish: a last stage, Solution -> Solution, such as `polish`, tried on the first step, and on later ones where
+            controls and states are at their limits in another order than before; its result is yielded if its error is
+            smaller than that of the step, and ends the refinement if it meets the tolerance.
 
     Raises:
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: it is the last step.
@@ -147,20 +105,25 @@ def solve_to_accuracy(
     if isinstance(problem, Sequence):
         schemes, begun = [scheme_for(phase) for phase in problem.problems], time.perf_counter()
         chosen = scheme or next((one for one in schemes if one.control is Control.COLLOCATED), schemes[0])
-        first = solve(problem, chosen, uniform(20) if grid is None else grid, own, guess, values)
+        with within(Budget(seconds, elements, begun).of_first):
+            first = solve(problem, chosen, uniform(20) if grid is None else grid, own, guess, values)
         left = max(seconds - (time.perf_counter() - begun), 1e-3)
         return refined(first, wanted, lambda posed, tolerance, one, known: solve_to_accuracy(
             posed, tolerance, chosen, one.grid, own, one, known, seconds=left, elements=elements, finish=finish
         ))  # fmt: skip
-    task = _Task(problem, wanted, own, values, _Budget(seconds, elements, time.perf_counter()), finish)
+    task = RefinementTask(problem, wanted, own, values, Budget(seconds, elements, time.perf_counter()), finish)
     return _steps(task, scheme_for(problem) if scheme is None else scheme, uniform(20) if grid is None else grid, guess)
 
 
-def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None) -> Iterator[Solution]:
+def _steps(
+    task: RefinementTask, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None
+) -> Iterator[Solution]:
     """Yield the steps; the last one is the one with the smallest error."""
     history: list[float] = []
     best: Solution | None = None
-    result = _first(task, scheme, grid, guess)
+    tried: Pattern | None = None  # of the last step on which the last stage was tried
+    result, steady = _first(task, scheme, grid, guess)
+    begun = time.perf_counter() - result.timings.total
     while True:
         errors = estimate(result)
         step = task.rated(result, errors)
@@ -170,7 +133,9 @@ def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[A
         if usable and not collides and (best is None or _error(step) < _error(best) or _other_optimum(best, step)):
             best = step
         met = _met(step) and not collides
-        finished = None if met else _finished(task, step, errors)
+        before = time.perf_counter()
+        finished, tried = (None, tried) if met else _finished(task, step, errors, tried)
+        begun += time.perf_counter() - before  # not a part of the next step
         if finished is not None:
             yield step
             best = step = finished
@@ -179,17 +144,28 @@ def _steps(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[A
         if not reason:
             scheme, grid = refine(result, task.wanted, errors)
             grid = with_nodes(grid, collides)
-            reason = _reason_to_stop(task, result, grid, history)
+            reason = _reason_to_stop(task, time.perf_counter() - begun, (len(result.grid), grid), history)
         if not reason:
             yield step
+            begun = time.perf_counter()
             allowed = max(task.wanted.tol, LATER * history[-1]) * errors.cost / max(history[-1], 1e-300)
             result, reason = _next(task, result, errors, scheme, grid, allowed)
         if not reason:
             continue
+        if not met and steady is not None and task.budget.left > 0.0 and _better(task, steady, best):
+            # Controls that may swing within an element led nowhere: refine what `solve` returns by default.
+            yield step
+            begun, result, steady, history = time.perf_counter(), steady, None, []
+            scheme = result.scheme
+            continue
         ended = step if best is None or met else best
-        words = reason if ended is step else f"{reason}; this is the best of {len(history)} steps"
+        words = reason if ended is step else f"{reason}; this is the best step"
         yield _last(ended if best is None else _resolved(task, ended), words)
         return
+
+
+def _better(task: RefinementTask, steady: Solution, best: Solution | None) -> bool:
+    return best is None or task.wanted.error(steady, estimate(steady)) < _error(best)
 
 
 def _error(step: Solution) -> float:
@@ -212,47 +188,57 @@ def _last(step: Solution, reason: str) -> Solution:
     return replace(step, accuracy=accuracy, message=f"{step.message} ({accuracy})")
 
 
-def _resolved(task: _Task, step: Solution) -> Solution:
+def _resolved(task: RefinementTask, step: Solution) -> Solution:
     """Return a step on a grid that resolves its motion, if that is solved in time and its error is no larger."""
     if step.status is not Status.SOLVED or step.structure is not None or not task.budget.left > 0.0:
         return step
-    finer: Solution = resolved(step, task.timed(min(task.solver.tol, TIGHT)), task.values, task.budget.left)
+    with within(task.budget.left):
+        settings = task.timed(min(task.solver.tol, TIGHT))
+        finer: Solution = resolved(step, settings, task.values, task.budget.left)
     rated = step if finer is step else task.rated(finer, estimate(finer))
     return rated if _error(rated) <= max(_error(step), task.wanted.tol) else step
 
 
-def _finished(task: _Task, step: Solution, errors: Errors) -> Solution | None:
-    """Return the result of the last stage if it is better than the step."""
-    if task.finish is None or step.status not in USABLE:
-        return None
-    finished = task.finish(step)
+def _finished(
+    task: RefinementTask, step: Solution, errors: Errors, tried: Pattern | None
+) -> tuple[Solution | None, Pattern | None]:
+    """Return the result of the last stage if it is better than the step, and the pattern that it was last tried on."""
+    if task.finish is None or step.status not in USABLE or not task.budget.left > 0.0:
+        return None, tried
+    pattern = control_pattern(step)
+    if pattern == tried:
+        return None, tried
+    with within(task.budget.left):
+        finished = task.finish(step)
     if not finished.ok:
-        return None
+        return None, pattern
     rated = task.rated(finished, estimate(finished))
     better = rated.accuracy is not None and rated.accuracy.error < task.wanted.error(step, errors)
-    return rated if better else None
+    return (rated if better else None), pattern
 
 
-def _reason_to_stop(task: _Task, result: Solution, grid: Grid, history: list[float]) -> str:
-    reason = task.budget.refuses(grid, result.timings.total, len(result.grid))
+def _reason_to_stop(task: RefinementTask, seconds: float, grids: tuple[int, Grid], history: list[float]) -> str:
+    reason = task.budget.refuses(grids[1], seconds, grids[0])
     if not reason and len(history) > STALLED and min(history[-STALLED:]) > 0.5 * min(history[:-STALLED]):
         reason = f"the error has not been halved in {STALLED} steps"
     return reason or (f"{STEPS} steps" if len(history) >= STEPS else "")
 
 
-def _first(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None) -> Solution:
-    """Return the first step: with the scheme asked for, and no worse than what `solve` returns by default.
+def _first(
+    task: RefinementTask, scheme: Scheme, grid: Grid, guess: GuessLike | Several[Any] | None
+) -> tuple[Solution, Solution | None]:
+    """Return the first step, no worse than what `solve` returns by default, and that if it is another one.
 
-    A control that may swing within an element leads to poor local optima and to interpolants that no motion follows
-    (angles that differ by whole turns). Where the control is not constant on each element, the problem is solved by the
-    defaults of `solve` as well; if that costs less or has a smaller error, it is the initial guess.
+    A control that may swing within an element leads to poor local optima and to interpolants that no motion follows.
+    Where the control is not constant on each element, the problem is solved by the defaults of `solve` as well; if that
+    costs less or has a smaller error, it is the initial guess.
     """
-    result: Solution = solve(task.problem, scheme, grid, task.solver, guess, task.values)
+    result = task.solved(scheme, grid, guess)
     if scheme.control is Control.CONSTANT or not task.budget.left > 0.0:
-        return result
-    steady: Solution = solve(task.problem, None, None, task.timed(task.solver.tol), guess, task.values)
+        return result, None
+    steady = task.solved(None, None, guess)
     if steady.status not in USABLE:
-        return result
+        return result, None
     allowed = estimate(steady).cost
 
     def good(candidate: Solution) -> bool:
@@ -260,13 +246,13 @@ def _first(task: _Task, scheme: Scheme, grid: Grid, guess: GuessLike | Several[A
         return candidate.status in USABLE and candidate.cost <= steady.cost + allowed and error <= COARSE * allowed
 
     if good(result):
-        return result
-    again: Solution = solve(task.problem, scheme, grid, task.timed(task.solver.tol), steady, task.values)
-    return again if good(again) else steady
+        return result, steady
+    again = task.solved(scheme, grid, steady)
+    return (again, steady) if good(again) else (steady, None)
 
 
 def _next(
-    task: _Task, last: Solution, errors: Errors, scheme: Scheme, grid: Grid, allowed: float
+    task: RefinementTask, last: Solution, errors: Errors, scheme: Scheme, grid: Grid, allowed: float
 ) -> tuple[Solution, str]:
     """Return the next step, warm-started from the last one; or the last one and the reason why there is none.
 
@@ -281,17 +267,20 @@ def _next(
     """
     limits = 2 * (last.states.size + last.controls.size)
     tol = float(np.clip(allowed / limits, TIGHTEST, task.solver.tol))
+    begun = time.perf_counter()
     prepared = prepare(task.problem, scheme, grid, task.timed(tol, 1.0 / 3.0), last, task.values)
-    worst, spent, why = last.cost + errors.cost, 0, "fails"
+    worst, spent, why = last.cost + errors.cost, 0, "is not begun"
     attempts: tuple[tuple[str, Callable[[], Any]], ...] = (
         ("", lambda: prepared.proceed(last, task.values)),
         ("without multipliers", lambda: prepared(last, task.values)),
         ("from scratch", lambda: prepared((Smooth(),), task.values)),
     )
     for words, attempt in attempts:
-        if words and not task.budget.left > 0.0:
+        slow = words and time.perf_counter() - begun > task.budget.left
+        if slow or not task.budget.left > 0.0:
             return last, f"no time is left within {task.budget.seconds:g} s after a step that {why}"
-        result: Solution = attempt()
+        with within(task.budget.left):
+            result: Solution = attempt()
         spent += result.iterations
         if result.status in USABLE and result.cost <= worst + estimate(result).cost:
             message = f"{result.message}; solved again {words}, as a warm start {why}" if words else result.message

@@ -16,6 +16,7 @@ from ocp.problem.sequence import Sequence
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.violations import passed_between_nodes
+from ocp.solving.deadline import overdue
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prepared_nlp import prepare
@@ -45,7 +46,7 @@ def held_between_nodes(
     names: dict[str, None] = {}
     left = _passed(result) if result.ok else {}
     for _ in range(ROUNDS):
-        if not left:
+        if not left or overdue():
             break
         names.update(dict.fromkeys(left))
         grid = _split(_grid(best), [point for points in left.values() for point in points])
@@ -53,7 +54,7 @@ def held_between_nodes(
             break
         prepared = prepare(problem, scheme, grid, solver, best, values)
         again = prepared.proceed(best, values) if isinstance(best, Solution) else prepared(best, values)
-        if not again.ok:
+        if not again.ok and not overdue():
             again = prepared(None, values)
         if not again.ok:
             break

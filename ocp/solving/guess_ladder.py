@@ -12,6 +12,7 @@ from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.sequence import parameter_values, phases_of
 from ocp.solution.integration_drift import collapsed
 from ocp.solution.solution import Status
+from ocp.solving.deadline import overdue
 from ocp.solving.first_guesses import phase_guesses, straight_line
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.guess_rungs import (
@@ -48,7 +49,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
     tried: list[str] = []
     begun = time.perf_counter()
     for rung in rungs:
-        if tried and rungs is DEFAULT and time.perf_counter() - begun > PATIENCE:
+        if tried and (overdue() or (rungs is DEFAULT and time.perf_counter() - begun > PATIENCE)):
             break
         started = time.perf_counter()
         made = rung(prepared, values)
@@ -93,7 +94,7 @@ def _without_bounds(prepared: Solvable) -> bool:
 def _shortest(prepared: Solvable, values: Values) -> str:
     """Return a sentence with the shortest duration within the same limits if the fixed one is shorter; else nothing."""
     problem = prepared.problem
-    if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed):
+    if not isinstance(problem, Problem) or not isinstance(problem.horizon, Fixed) or overdue():
         return ""
     asked = problem.horizon.duration
     limits = np.concatenate(problem.limits(Where.ALONG, problem.system.u))

@@ -18,6 +18,7 @@ import numpy as np
 from ocp import checks
 from ocp.checks import Array
 from ocp.solution.solution import Status
+from ocp.solving.deadline import overdue
 from ocp.solving.nlp_solver import NlpResult, Start
 from ocp.transcription.scaled_nlp import Bounds, ScaledNlp
 
@@ -32,6 +33,7 @@ STATUS = {
     "Maximum_WallTime_Exceeded": Status.LIMIT,
     "User_Requested_Stop": Status.STOPPED,
 }
+LATE = "Maximum_WallTime_Exceeded"
 # Options for a start from the multipliers of a neighbouring solution: the iterates stay near the active bounds.
 # Measured on refined grids: a third to two thirds of the iterations of a cold start.
 NEAR = 1e-6
@@ -159,6 +161,7 @@ class IpoptSolver:
             stats = self.function.stats()
             z, of_rows, of_bounds = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
             cost, verbatim = float(result["f"]), str(stats["return_status"])
+            verbatim = LATE if verbatim == "User_Requested_Stop" and not self.watch.stop else verbatim
         except (RuntimeError, KeyboardInterrupt) as error:
             stopped = isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
             stats, z, cost = {}, z0, np.nan
@@ -221,7 +224,7 @@ class Watch(ca.Callback):  # type: ignore[misc]
         return ca.Sparsity.dense(rows, 1 if rows else 0)
 
     def eval(self, arg: Sequence[ca.DM]) -> list[int]:
-        """Return 1 to stop, 0 to go on; show a line at most twice a second."""
+        """Return 1 to stop, on request or at a deadline, 0 to go on; show a line at most twice a second."""
         now = time.perf_counter()
         self.count += 1
         if self._shown and now - self._begun > QUIET_SECONDS and now - self._last > 0.5:
@@ -235,7 +238,7 @@ class Watch(ca.Callback):  # type: ignore[misc]
             line = f"  iteration {self.count}, cost {self._cost * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
             line += f"{now - self._begun:.0f} s"
             print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
-        return [int(self.stop)]
+        return [int(self.stop or overdue())]
 
     def clear(self) -> None:
         """Wipe the line of progress, if there is one."""

@@ -18,6 +18,7 @@ from ocp.solution.integration_drift import accumulated, propagated
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import scales_of_states
+from ocp.solving.deadline import overdue
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpSettings, limited
 from ocp.solving.prepared_nlp import prepare
@@ -64,7 +65,7 @@ def resolved(
     first, numbers = len(phases[0].grid), _values(solution) if values is None else values
     for _ in range(ROUNDS):
         left = seconds - (time.perf_counter() - begun)
-        if grid is None or len(grid) > MOST * max(first, 10) or left <= 0.0:
+        if grid is None or len(grid) > MOST * max(first, 10) or left <= 0.0 or overdue():
             break
         prepared = prepare(solution.problem, phases[0].scheme, grid, solver, best, numbers)
         prepared = replace(prepared, settings=limited(prepared.settings, prepared.settings.max_iter, left))
