@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -245,13 +246,8 @@ class System:
         """Return the labels of a signal (or of "x", "u") with `size` components."""
         checks.text("name", name)
         checks.whole("size", size, 0, of="components")
-        if name in self.labels:
-            return self.labels[name]
-        if name in ("x", "u") and size == getattr(self, name).numel():
-            names = [symbol.name() for symbol in ca.vertsplit(getattr(self, name))] if size else []
-            if len(set(names)) == size and not any(map(NUMBERED.search, names)):
-                return tuple(map(Label, names))
-        return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
+        own = name in ("x", "u") and size == getattr(self, name).numel()
+        return self.labels.get(name) or (_labels_of_symbols(self, name) if own else _numbered(name, size))
 
     def values(self, given: Mapping[str, float] | None = None) -> list[float]:
         """Return the parameter values in the order of p, nominal where `given` has no entry.
@@ -264,10 +260,20 @@ class System:
         for name in given:
             if name not in self.nominal:
                 raise ValueError(f"no parameter {name!r}; this system has {', '.join(self.nominal) or 'none'}")
-        results = {**self.nominal, **given}
-        for name, value in results.items():
-            results[name] = checks.number(f"parameter {name!r}", value, "a finite number")
-        return [results[name] for name in self.nominal]
+        values = {**self.nominal, **given}.items()
+        return [checks.number(f"parameter {name!r}", value, "a finite number") for name, value in values]
+
+
+@functools.lru_cache(maxsize=128)
+def _labels_of_symbols(system: System, name: str) -> tuple[Label, ...]:
+    """Return the names of the symbols of x or u as labels, numbered ones if they have none of their own."""
+    names = [symbol.name() for symbol in ca.symvar(getattr(system, name))]
+    own = len(set(names)) == len(names) and not any(map(NUMBERED.search, names))
+    return tuple(map(Label, names)) if own else _numbered(name, len(names))
+
+
+def _numbered(name: str, size: int) -> tuple[Label, ...]:
+    return (Label(name),) if size == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(size))
 
 
 def _empty(part: object, optional: bool) -> bool:
@@ -275,17 +281,11 @@ def _empty(part: object, optional: bool) -> bool:
 
 
 def rebuild(
-    function: ca.Function,
-    names: tuple[str, ...],
-    nominal: Mapping[str, float],
-    labels: Mapping[str, tuple[Label, ...]],
-    notes: tuple[str, ...],
-    limits: Mapping[str, tuple[Side, Side]],
-    initial: Mapping[str, float],
-    singular: tuple[tuple[float, str, bool], ...] = (),
-    clock: int = -1,
+    function: ca.Function, names: tuple[str, ...], nominal: Mapping[str, float],
+    labels: Mapping[str, tuple[Label, ...]], notes: tuple[str, ...], limits: Mapping[str, tuple[Side, Side]],
+    initial: Mapping[str, float], singular: tuple[tuple[float, str, bool], ...] = (), clock: int = -1,
     integrals: int = 0,
-) -> System:
+) -> System:  # fmt: skip
     """Return the System with the expressions of a function (x, u, p) -> (rate, *signals, *quantities), on new symbols.
 
     The other arguments are those of a System, and of each singularity all but its quantity; `clock` is the index of the

@@ -37,6 +37,7 @@ from matplotlib.lines import Line2D
 
 from models.plots.style import saved
 from ocp import Guess, Ipopt, smooth, solve, straight_line, uniform, verify
+from ocp.numerics.files import written_whole
 from ocp.solving.prepared_nlp import forget_structures
 
 GRIDS = (25, 50, 100, 200, 400, 800)
@@ -67,7 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = command_line().parse_args(arguments)
     if options.quick:
         options.problems, options.grids, options.repeats = options.problems[:2], options.grids[:2], 2
-    options.output.mkdir(parents=True, exist_ok=True)
     options.grids.sort()
     absent = {name: peers.missing(name) for name in options.contenders if name in peers.PEERS}
     for name in options.contenders:
@@ -87,9 +87,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print("\nRatios of this run: medians over the rounds")
     for text in (*totals(results), *setups(results), *(() if options.quick else scaled(options.problems))):
         print(text, flush=True)
-    write_csv(results, options.output / "benchmark.csv")
-    draw(results, options.output / "benchmark.png")
-    print(f"\nfiles: {options.output / 'benchmark.csv'}, {options.output / 'benchmark.png'}")
+    if options.output is not None:
+        options.output.mkdir(parents=True, exist_ok=True)
+        write_csv(results, options.output / "benchmark.csv")
+        draw(results, options.output / "benchmark.png")
+        print(f"\nfiles: {options.output / 'benchmark.csv'}, {options.output / 'benchmark.png'}")
     failed = [
         key for key, runs in results.items() if key[2] in ("hamel", "again", "given") and any(run.note for run in runs)
     ]
@@ -113,7 +115,9 @@ def command_line() -> argparse.ArgumentParser:
     add("--repeats", type=int, default=5, help="runs of each contender on each problem and grid")
     add("--limit", type=float, default=60.0, metavar="S", help="seconds after which a run is stopped")
     add("--budget", type=float, default=30.0, metavar="S", help="seconds of runs after which no more are repeated")
-    add("--output", type=Path, default=Path("results"), metavar="DIR", help="for benchmark.csv and benchmark.png")
+    add(
+        "--output", type=Path, metavar="DIR", help="write benchmark.csv and benchmark.png there, in place of older ones"
+    )
     add("--quick", action="store_true", help="two problems, two grids, two runs, no scaling study")
     return parser
 
@@ -240,7 +244,7 @@ def scaled(problems: Sequence[str]) -> list[str]:
 
 def write_csv(results: Results, path: Path) -> None:
     """Write the medians of every contender; the header has names and units."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with written_whole(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         head = ["problem", "elements", "contender", "runs"]
         writer.writerow([*head, *(f"{name} [{UNITS.get(name, 's')}]" for name in COLUMNS), "note"])

@@ -30,7 +30,7 @@ def conditions_of(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: 
         arc: (N,) index of the arc of each element.
         seconds: duration of the motion; sets the scales of derivatives.
     """
-    _, _, (start_known, _) = ends(task.problem, ca.DM(list(task.numbers)))
+    _, _, (start_known, _) = ends(task.problem, task.numbers)
     conditions: list[LimitCondition] = []
 
     def condition(k: int, contact: Contact, orders: range, along: bool) -> LimitCondition:

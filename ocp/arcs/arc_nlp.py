@@ -232,9 +232,7 @@ def prepare_arcs(
     begun = time.perf_counter()
     whole = transcribe_arcs(task, arcs, elements, guess, weight, effort)
     whole = whole if limited else whole.unlimited()
-    nlp = whole.nlp
-    sizes = nlp.scaling.cost, nlp.row_scales
-    solver = None if whole.equations else physical_solver(nlp.expressions, nlp.derivatives, sizes, settings)
+    solver = None if whole.equations else physical_solver(whole.nlp.scaled, settings)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread)
 
 

@@ -70,7 +70,7 @@ def move_grid(
     low[nlp.layout.horizon], high[nlp.layout.horizon] = np.array([NARROWEST, WIDEST]) * mean / scaling.horizon
     rows_low[nlp.total] = horizon.lower if isinstance(horizon, Free) else horizon.duration
     rows_high[nlp.total] = horizon.upper if isinstance(horizon, Free) else horizon.duration
-    solve_nlp = physical_solver(nlp.expressions, nlp.derivatives, (scaling.cost, nlp.row_scales), settings)
+    solve_nlp = physical_solver(nlp.scaled, settings)
     setup = time.perf_counter() - begun
     result = solve_nlp(np.clip(z0, low, high), np.append(numbers, np.ones(count)), (low, high, rows_low, rows_high))
     return _solution(nlp, result, solution, problem, setup, weight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +21,13 @@ def largest_of_unit(values: Array, units: Sequence[str]) -> Array:
         (n,).
     """
     names = np.array(units, dtype=object)
-    return np.array([np.max(values[names == unit]) for unit in units], dtype=float)
+    largest = {unit: np.max(values[names == unit]) for unit in dict.fromkeys(units)}
+    return np.array([largest[unit] for unit in units], dtype=float)
+
+
+@functools.lru_cache(maxsize=64)
+def _draws(shape: tuple[int, ...], low: float, high: float) -> Array:
+    return np.random.default_rng(1).uniform(low, high, shape)
 
 
 def probes(shape: tuple[int, ...], low: float, high: float) -> Array:
@@ -28,4 +35,4 @@ def probes(shape: tuple[int, ...], low: float, high: float) -> Array:
 
     Graphs that look different may have equal values: structure is decided by values at such points.
     """
-    return np.random.default_rng(1).uniform(low, high, shape)
+    return _draws(shape, low, high).copy()

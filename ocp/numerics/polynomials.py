@@ -40,11 +40,14 @@ def _cached(matrix: Matrix) -> Matrix:
 @_cached
 def lagrange_matrix(nodes: Array, tau: Array) -> Array:
     """Return l_m(tau_i), shape (len(tau), len(nodes)), of the Lagrange polynomials on `nodes`."""
-    columns = []
-    for m, node in enumerate(nodes):
-        others = np.delete(nodes, m)
-        columns.append(np.prod((tau[:, None] - others) / (node - others), axis=1))
-    return np.stack(columns, axis=1)
+    others = nodes[_others(len(nodes))]
+    return np.asarray(np.prod((tau[:, None, None] - others) / (nodes[:, None] - others), axis=2))
+
+
+@functools.lru_cache(maxsize=32)
+def _others(count: int) -> Array:
+    """Return for each of `count` indices all others, shape (count, count - 1)."""
+    return np.array([[k for k in range(count) if k != m] for m in range(count)], dtype=int).reshape(count, count - 1)
 
 
 @_cached

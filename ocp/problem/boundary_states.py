@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -15,9 +16,14 @@ ITERATIONS = 30  # of Gauss-Newton
 CLOSE = 1e-12  # largest relative residual of a condition that counts as satisfied
 
 
-def ends(problem: Problem, p: ca.DM) -> tuple[Array, Array, tuple[bool, bool]]:
-    """Return states that satisfy the start and end conditions, and whether those conditions determine them uniquely."""
-    first, last, fixed = _ends(problem, tuple(p.elements()))
+def ends(problem: Problem, values: Sequence[float] | Array) -> tuple[Array, Array, tuple[bool, bool]]:
+    """Return states that satisfy the start and end conditions, and whether those conditions determine them uniquely.
+
+    Args:
+        problem: one phase.
+        values: (np,) of the parameters.
+    """
+    first, last, fixed = _ends(problem, tuple(map(float, values)))
     return first.copy(), last.copy(), fixed
 
 

@@ -120,15 +120,20 @@ def single_symbols(constraint: Constraint, system: System) -> tuple[tuple[int, i
 
     Asked for many times in one solve.
     """
-    known = {
+    known, components = _positions(system), enumerate(ca.vertsplit(constraint.expression))
+    single = [(c, one.element_hash()) for c, one in components if one.is_symbolic()]
+    return tuple((*known[key], c) for c, key in single if key in known)
+
+
+@functools.lru_cache(maxsize=64)
+def _positions(system: System) -> dict[int, tuple[int, int]]:
+    """Return hash of a symbol -> (0, 1, 2 for x, u, p; index in it)."""
+    return {
         symbol.element_hash(): (number, i)
         for number, column in enumerate((system.x, system.u, system.p))
         if column.numel()
         for i, symbol in enumerate(ca.vertsplit(column))
     }
-    components = enumerate(ca.vertsplit(constraint.expression))
-    single = [(c, one.element_hash()) for c, one in components if one.is_symbolic()]
-    return tuple((*known[key], c) for c, key in single if key in known)
 
 
 def row_components(constraint: Constraint, system: System) -> tuple[int, ...]:

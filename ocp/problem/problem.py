@@ -246,8 +246,8 @@ def _limits_of(problem: Problem, where: Where, symbols: ca.SX) -> tuple[np.ndarr
     return low, high
 
 
-def parameters(problem: Problem, values: Sequence[float]) -> ca.DM:
-    """Return parameter values as a column, one for each parameter of the system of a problem.
+def parameters(problem: Problem, values: Sequence[float]) -> np.ndarray:
+    """Return parameter values (np,), one for each parameter of the system of a problem.
 
     Args:
         problem: whose parameters.
@@ -261,8 +261,8 @@ def parameters(problem: Problem, values: Sequence[float]) -> ca.DM:
     names = problem.system.nominal
     wanted = f"{len(names)} finite numbers, one for each parameter ({', '.join(names) or 'none'})"
     if not names and np.size(values) == 0:
-        return ca.DM(0, 1)
-    return ca.DM(checks.column("values", values, len(names), wanted))
+        return np.zeros(0)
+    return checks.column("values", values, len(names), wanted)
 
 
 def rebuild(

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import rates
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, simple
@@ -68,8 +69,7 @@ def between(system: System, t: Array, x: Array, u: Array, values: Sequence[float
         u: (K, nu) controls.
         values: of the parameters.
     """
-    p = np.tile(np.array(values, dtype=float)[:, None], len(t))
-    slope = np.array(rates(system).map(len(t))(x.T, u.T, p)).T
+    (slope,) = evaluate(rates(system), x, u, np.array(values, dtype=float))
     s = (np.arange(BETWEEN + 1) / (BETWEEN + 1))[:, None]
     h = np.diff(t)[:, None, None]
     left, right = x[:-1, None], x[1:, None]
@@ -85,8 +85,7 @@ def between(system: System, t: Array, x: Array, u: Array, values: Sequence[float
 
 def quantities(system: System, x: Array, values: Sequence[float]) -> Array:
     """Return the quantity of every singularity at states (K, nx), shape (number of singularities, K)."""
-    p = np.tile(np.array(values, dtype=float)[:, None], len(x))
-    return np.array(_quantities(system).map(len(x))(x.T, p))
+    return evaluate(_quantities(system), x, np.array(values, dtype=float))[0].T
 
 
 @functools.lru_cache(maxsize=32)
@@ -121,7 +120,7 @@ def singular_ends(phases: tuple[Problem, ...], values: list[list[float]]) -> Ite
         if not system.singular:
             continue
         unknown = any(c.where is Where.ALONG and simple(c, system.p) for c in phase.subject_to)
-        first, last, _ = ends(phase, ca.DM(numbers))
+        first, last, _ = ends(phase, numbers)
         start, end = _fixed(phase, Where.START), _fixed(phase, Where.END)
         sizes = quantities(system, np.stack([first, last]), numbers)
         for singularity, (low, high) in zip(system.singular, sizes, strict=True):

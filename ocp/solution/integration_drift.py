@@ -8,6 +8,7 @@ import numpy as np
 from numpy.polynomial import legendre as polynomials
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.polynomials import integration_matrix
 from ocp.numerics.rate_functions import slopes
 from ocp.problem.problem import Free, Problem
@@ -84,16 +85,16 @@ def propagated(solution: Solution, problem: Problem, more: int = MORE) -> tuple[
     tau, weights, a = _gauss(scheme.degree + more)
     m = len(tau)
     _, x, rate, u = solution.samples(tau)
-    f, slope, _ = slopes(system).map(len(x))(x.T, u.T, np.tile(solution.parameters[:, None], len(x)))
+    f, slope, _ = evaluate(slopes(system), x, u, solution.parameters)
     h = solution.duration * solution.grid.widths
-    missed = (f.full().T - rate).reshape(count, m, nx)
-    A = slope.full().reshape(nx, count, m, nx).transpose(1, 2, 0, 3)  # by element, point
+    missed = (f - rate).reshape(count, m, nx)
+    A = slope.reshape(count, m, nx, nx).transpose(0, 1, 3, 2)  # by element, point, row
     # delta_i = delta_0 + h sum_j a_ij (A_j delta_j + missed_j), once for delta_0 = 0 and once for each unit vector.
     system_matrix = np.eye(m * nx) - h[:, None, None] * np.einsum("ij,kjab->kiajb", a, A).reshape(count, m * nx, m * nx)
     forced = (h[:, None, None] * np.einsum("ij,kja->kia", a, missed)).reshape(count, m * nx, 1)
     starts = np.broadcast_to(np.tile(np.eye(nx), (m, 1)), (count, m * nx, nx))
     delta = np.linalg.solve(system_matrix, np.concatenate([forced, starts], axis=2)).reshape(count, m, nx, 1 + nx)
-    grown = np.einsum("kjab,kjbc->kjac", A, delta)
+    grown = A @ delta
     grown[..., 0] += missed
     end = h[:, None, None] * np.einsum("j,kjac->kac", weights, grown)
     return end[..., 0], np.eye(nx) + end[..., 1:], delta

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.numerics.evaluation import mapped
+from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Constraint, Where
 from ocp.system import System
 
@@ -47,10 +47,20 @@ class Limited:
         """Whether the constraint depends on states and parameters only."""
         return not ca.depends_on(self.constraint.expression, self.system.u)
 
+    @functools.cached_property
+    def values(self) -> ca.Function:
+        """(x, u, p) -> values alone."""
+        system = self.system
+        return ca.Function("values", [system.x, system.u, system.p], [ca.densify(self.constraint.expression)])
+
     def evaluate(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Return the outputs of the function (m, K) at K points."""
-        values, changes = mapped(self.function, len(x))(x.T, u.T, np.tile(self.parameters[:, None], len(x)))
-        return np.array(values), np.array(changes)
+        values, changes = evaluate(self.function, x, u, self.parameters)
+        return values.T, changes.T
+
+    def excess(self, x: Array, u: Array) -> Array:
+        """Return by how much the limits are exceeded (m, K) at K points; negative within them."""
+        return self.beyond(evaluate(self.values, x, u, self.parameters)[0].T)
 
     def beyond(self, values: Array) -> Array:
         """Return by how much values (m, K) exceed the limits; negative within them."""
@@ -63,7 +73,7 @@ class Limited:
         return any(ca.which_depends(self.constraint.expression[c], symbols, 2, True))
 
 
-def limit_scale(limited: Limited, c: int, spread: float, x: Array, amount: float) -> float:
+def limit_scale(limited: Limited, c: int, spread: float, x: Array, amount: float, enough: float = np.inf) -> float:
     """Return the scale with which an excess over the limits of component c is compared.
 
     The distance between both limits, or the range of the expression along the motion where there is one limit only.
@@ -77,6 +87,7 @@ def limit_scale(limited: Limited, c: int, spread: float, x: Array, amount: float
         spread: range of the expression along the motion, at least the change of it by a scale of each state.
         x: (nx,) worst state.
         amount: excess there, > 0.
+        enough: depth of the forbidden region at which its search ends, for callers to whom more makes no difference.
     """
     constraint = limited.constraint
     sides = np.array([constraint.lower[c], constraint.upper[c]])
@@ -87,11 +98,11 @@ def limit_scale(limited: Limited, c: int, spread: float, x: Array, amount: float
     candidates = [scale, spread or scale]
     candidates += [abs(side) for side in sides[np.isfinite(sides)] if abs(side) > SMALLEST * spread]
     if limited.of_states:
-        candidates.append(max(_depth(limited, c, x, amount), amount))
+        candidates.append(max(_depth(limited, c, x, amount, enough), amount))
     return float(min(candidates))
 
 
-def _depth(limited: Limited, c: int, x: Array, amount: float) -> float:
+def _depth(limited: Limited, c: int, x: Array, amount: float, enough: float) -> float:
     """Return the largest excess over the limits of component c near a state, by steepest ascent in scaled states."""
     system, constraint = limited.system, limited.constraint
     value = constraint.expression[c]
@@ -109,7 +120,12 @@ def _depth(limited: Limited, c: int, x: Array, amount: float) -> float:
     depth, slope = at(here)
     for _ in range(CLIMBS):
         length = float(np.linalg.norm(slope))
-        if not np.isfinite(length) or length == 0.0 or np.max(np.abs(here - x) / limited.scale) > FARTHEST:
+        if (
+            depth >= enough
+            or not np.isfinite(length)
+            or length == 0.0
+            or np.max(np.abs(here - x) / limited.scale) > FARTHEST
+        ):
             break
         there = here + step * limited.scale * slope / length
         deeper, new = at(there)

@@ -82,7 +82,8 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
             if not len(element) or np.max(amount) <= 0.0:
                 continue
             worst = int(np.argmax(amount))
-            least = allowed * limit_scale(limited, c, search.range[c], x[worst], float(amount[worst]))
+            most = float(amount[worst])
+            least = allowed * limit_scale(limited, c, search.range[c], x[worst], most, enough=most / allowed)
             points = [(int(k), float(t)) for k, t, one in zip(element, tau, amount, strict=True) if one > least]
             if points:
                 results[problem.labels(constraint)[c].name] = points
@@ -156,7 +157,7 @@ class _Search:
 
     def _at(self, c: int, element: Array, tau: Array) -> tuple[Array, Array]:
         x, u = _inside(self.solution, element, tau)
-        return np.asarray(self.limited.beyond(self.limited.evaluate(x, u)[0])[c]), x
+        return np.asarray(self.limited.excess(x, u)[c]), x
 
 
 POINTS = np.linspace(0.0, 1.0, 11)  # of each element at which singularities are looked for

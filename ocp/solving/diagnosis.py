@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocp.numerics.arrays import largest_of_unit
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import rates
 from ocp.problem.constraints import Where
 from ocp.problem.nonsmooth import kinks
@@ -94,9 +95,7 @@ def _worst(solution: Solution, phase: str) -> list[tuple[float, str]]:
             )
     system = problem.system
     t, x, rate, u = solution.samples(solution.scheme.points)
-    p = solution.parameters[:, None]
-    function = rates(system).map(len(t))
-    left = np.abs(rate - np.array(function(x.T, u.T, np.tile(p, len(t)))).T) * solution.duration
+    left = np.abs(rate - evaluate(rates(system), x, u, solution.parameters)[0]) * solution.duration
     left[~np.isfinite(left)] = np.inf
     size = np.max(np.abs(x), axis=0)
     size = np.maximum(size, max(1e-9 * float(np.max(size)), 1e-300))

@@ -10,9 +10,11 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, start
+from ocp.problem.pointwise import components_along, point_values
 from ocp.problem.problem import Fixed, Free, Problem, parameters
 from ocp.problem.sequence import Sequence
 from ocp.solving.guess_completion import of_main_states
@@ -46,9 +48,8 @@ def straight_line(problem: Problem, values: Several[float]) -> Guess:
     share = np.linspace(0.0, 1.0, POINTS)
     x = first + share[:, None] * (last - first)
     rates, (low, high) = np.tile((last - first) / duration, (POINTS, 1)), problem.limits(Where.ALONG, problem.system.u)
-    u0 = np.tile(np.clip(np.zeros(len(low)), low, high)[:, None], POINTS)
-    f, _, by_u = slopes(problem.system).map(POINTS)(x.T, u0, ca.repmat(p, 1, POINTS))
-    u = np.clip(balance(problem, rates, f.full().T, by_u.full().T), low, high)
+    f, _, by_u = evaluate(slopes(problem.system), x, np.clip(np.zeros(len(low)), low, high), p)
+    u = np.clip(balance(problem, rates, f, by_u), low, high)
     return Guess(share, x, u, duration, np.zeros(0))
 
 
@@ -72,14 +73,13 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     duration = _duration(problem) * (FIRST_STRETCH if isinstance(problem.horizon, Free) else 1.0)
     best: Guess | None = None
     longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
-    least, function = np.inf, slopes(problem.system).map(SMOOTH_POINTS)
-    path, tried = quintic(first, last, len(layers)), dict[float, Guess]()
+    least, path, tried = np.inf, quintic(first, last, len(layers)), dict[float, Guess]()
     if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
         kept = _keeping(problem, p)
         for count in range(SHORTENINGS if np.any(first != last) else 0):
-            trial = follow(problem, path, duration, layers, p, function)
+            trial = follow(problem, path, duration, layers, p)
             tried[duration] = trial
-            if not (kept(trial) and _is_motion(problem, trial, p, function)):
+            if not (kept(trial) and _is_motion(problem, trial, p)):
                 # The loop below lengthens the motion by the factor that the controls need.
                 duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
                 break
@@ -87,7 +87,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
                 break
             duration *= SHORTER
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
-        guess = tried.get(duration) or follow(problem, path, duration, layers, p, function)
+        guess = tried.get(duration) or follow(problem, path, duration, layers, p)
         used = _use(guess.u, low, high)
         if used < least:
             best, least = guess, used
@@ -128,13 +128,13 @@ def scattered(problem: Problem, values: Several[float], random: np.random.Genera
         path[:, i] = np.clip(path[:, i] + height * bump, low[i], high[i])
     factor = np.exp(random.normal(0.0, 0.4)) if isinstance(problem.horizon, Free) else 1.0
     duration = smooth(problem, values).duration * float(factor)
-    guess = follow(problem, path, duration, layers, p, slopes(problem.system).map(SMOOTH_POINTS))
+    guess = follow(problem, path, duration, layers, p)
     controls = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(np.nan_to_num(guess.u), controls[0], np.maximum(*controls))
     return Guess(guess.share, np.nan_to_num(guess.x), u, duration, guess.free)
 
 
-def _is_motion(problem: Problem, guess: Guess, p: ca.DM, function: ca.Function) -> bool:
+def _is_motion(problem: Problem, guess: Guess, p: Array) -> bool:
     """Return whether a guess satisfies the equations of motion roughly: the controls can cause its rates.
 
     A state may miss its rate by ROUGH of its largest one. Rounding of the state does not count, nor a miss of
@@ -143,10 +143,9 @@ def _is_motion(problem: Problem, guess: Guess, p: ca.DM, function: ca.Function) 
     Args:
         problem: one phase.
         guess: at SMOOTH_POINTS times.
-        p: values of the parameters.
-        function: slopes of the system, mapped.
+        p: (np,) values of the parameters.
     """
-    f, _, by_u = (np.array(part).T for part in function(guess.x.T, guess.u.T, ca.repmat(p, 1, len(guess.share))))
+    f, _, by_u = evaluate(slopes(problem.system), guess.x, guess.u, p)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     largest = np.max(np.abs([np.where(np.isfinite(side), side, 0.0) for side in (low, high)]), axis=0, initial=0.0)
     most = np.maximum(largest, np.max(np.abs(guess.u), axis=0))
@@ -159,16 +158,13 @@ def _is_motion(problem: Problem, guess: Guess, p: ca.DM, function: ca.Function) 
     return bool(np.all(missed <= allowed + rounding + MENDED * np.max(effect.sum(axis=1), axis=0)))
 
 
-def _keeping(problem: Problem, p: ca.DM) -> Callable[[Guess], bool]:
+def _keeping(problem: Problem, p: Array) -> Callable[[Guess], bool]:
     """Return the function that checks whether a guess satisfies all limits along the motion."""
-    system = problem.system
-    limited = [c for c in problem.subject_to if c.where is Where.ALONG]
-    low, high = (np.concatenate([getattr(c, side) for c in limited])[:, None] for side in ("lower", "upper"))
-    function = ca.Function("limited", [system.x, system.u, system.p], [ca.vertcat(*(c.expression for c in limited))])
-    every = function.map(SMOOTH_POINTS)
+    along = components_along(problem)
+    low, high = (np.concatenate([getattr(c, side) for c in problem.subject_to])[along] for side in ("lower", "upper"))
 
     def kept(guess: Guess) -> bool:
-        values = np.array(every(guess.x.T, guess.u.T, ca.repmat(p, 1, SMOOTH_POINTS)))
+        values = evaluate(point_values(problem), guess.x, guess.u, p)[1][:, along]
         return bool(np.all((values >= low) & (values <= high)))
 
     return kept

@@ -156,7 +156,8 @@ class IpoptSolver:
         try:
             self.watch.reset(rows_low, rows_high)
             with interruptible(self.watch):
-                result = self.function(x0=z0, p=s, lbx=low, ubx=high, lbg=rows_low, ubg=rows_high, **first)
+                given = {"x0": z0, "p": s, "lbx": low, "ubx": high, "lbg": rows_low, "ubg": rows_high, **first}
+                result = self.function(**{name: _argument(values) for name, values in given.items()})
             self.watch.clear()
             stats = self.function.stats()
             z, of_rows, of_bounds = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
@@ -176,6 +177,11 @@ class IpoptSolver:
         iterations = max(len(log.get("inf_pr", [])), self.watch.count, 1) - 1
         status = STATUS.get(verbatim, Status.FAILED)
         return NlpResult(z, of_rows, of_bounds, cost, status, verbatim, iterations, derivatives, seconds, log)
+
+
+def _argument(values: Array) -> float | list[float]:
+    """Return what CasADi reads fastest: a list, or one number if all are the same."""
+    return float(values[0]) if len(values) and np.all(values == values[0]) else values.tolist()
 
 
 class Watch(ca.Callback):  # type: ignore[misc]
@@ -223,22 +229,32 @@ class Watch(ca.Callback):  # type: ignore[misc]
         rows = self._shapes.get(ca.nlpsol_out(i), 0)
         return ca.Sparsity.dense(rows, 1 if rows else 0)
 
-    def eval(self, arg: Sequence[ca.DM]) -> list[int]:
-        """Return 1 to stop, on request or at a deadline, 0 to go on; show a line at most twice a second."""
+    def has_eval_buffer(self) -> bool:
+        """Return True: CasADi then calls `eval_buffer`, which takes a quarter of the time of `eval`."""
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
+        """Write 1 to stop, on request or at a deadline, 0 to go on; show a line at most twice a second.
+
+        Args:
+            arg: results of the iteration so far; empty unless progress is shown.
+            res: one number, the result.
+        """
         now = time.perf_counter()
         self.count += 1
         if self._shown and now - self._begun > QUIET_SECONDS and now - self._last > 0.5:
             self._last, self._printed = now, True
-            g = np.array(arg[2]).ravel()
+            cost, g = float(np.frombuffer(arg[1])[0]), np.frombuffer(arg[2])
             beyond = (
                 0.0
                 if self._low is None or self._high is None
                 else float(np.max([self._low - g, g - self._high], initial=0.0))
             )
-            line = f"  iteration {self.count}, cost {self._cost * float(arg[1]):.6g}, infeasibility {beyond:.1e}, "
+            line = f"  iteration {self.count}, cost {self._cost * cost:.6g}, infeasibility {beyond:.1e}, "
             line += f"{now - self._begun:.0f} s"
             print(f"\r{line:76s}", end="", file=sys.stderr, flush=True)
-        return [int(self.stop or overdue())]
+        res[0].cast("d")[0] = float(self.stop or overdue())
+        return 0
 
     def clear(self) -> None:
         """Wipe the line of progress, if there is one."""

@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
-import casadi as ca
-
 from ocp.checks import Array
 from ocp.solution.solution import Status
-from ocp.transcription.scaled_nlp import Bounds, ScaledNlp, scale_nlp
+from ocp.transcription.scaled_nlp import Bounds, ScaledNlp
 
 
 class Start(Enum):
@@ -122,18 +120,12 @@ class PhysicalSolver:
         return replace(result, multipliers=rows, limits=limits, cost=nlp.cost * result.cost, log=log)
 
 
-def physical_solver(
-    expressions: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], scales: tuple[float, Array],
-    settings: NlpSettings, start: Start = Start.COLD,
-) -> PhysicalSolver:  # fmt: skip
-    """Return the solver of an NLP that is stated with physical cost and rows.
+def physical_solver(nlp: ScaledNlp, settings: NlpSettings, start: Start = Start.COLD) -> PhysicalSolver:
+    """Return the solver of an NLP whose callers see physical cost and rows.
 
     Args:
-        expressions: "x", "p", "f", "g".
-        derivatives: "grad_f", "jac_g", "hess_lag".
-        scales: of the cost, and (ng,) of the rows.
+        nlp: as the solver sees it.
         settings: of the solver, such as Ipopt().
         start: what will be known when it is called.
     """
-    nlp = scale_nlp(expressions, derivatives, *scales)
     return PhysicalSolver(nlp, settings.make(nlp, start))

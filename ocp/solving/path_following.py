@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.numerics.rate_functions import rates as rates_of
+from ocp.numerics.evaluation import evaluate
+from ocp.numerics.rate_functions import slopes
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.transcription.guess import Guess
@@ -47,24 +48,20 @@ def quintic(first: Array, last: Array, layers: int) -> Array:
     return np.asarray(first + step[:, None] * (last - first))
 
 
-def follow(
-    problem: Problem, path: Array, duration: float, layers: list[Array], p: ca.DM, function: ca.Function
-) -> Guess:
+def follow(problem: Problem, path: Array, duration: float, layers: list[Array], p: Array) -> Guess:
     """Return the motion along the last layer of a path, with the other states and the controls that it needs."""
     system, share, x = problem.system, np.linspace(0.0, 1.0, SMOOTH_POINTS), path.copy()
     if system.t is not None:
         x[:, system.clock] = path[0, system.clock] + share * duration
-    still = np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
-    held = np.tile(still[:, None], len(share)), ca.repmat(p, 1, len(share))
-    begun = rates_of(system)(x[[0, -1]].T, np.tile(still[:, None], 2), ca.repmat(p, 1, 2))
-    speeds = np.nan_to_num(begun.full().T)
+    function, still = slopes(system), np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
+    speeds = np.nan_to_num(evaluate(function, x, still, p)[0][[0, -1]])
     if layers:
         x[:, layers[-1]] = _drifted(x[:, layers[-1]], (speeds[0, layers[-1]], speeds[1, layers[-1]]), duration)
     here: tuple[Array, Array] | None = None  # rates and their slopes by the controls at the states x
     for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
         rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
         for _ in range(ITERATIONS):
-            f, slope, by_u = (part.full().T for part in function(x.T, *held))
+            f, slope, by_u = evaluate(function, x, still, p)
             here, short = (f, by_u), rates - f[:, known]
             size = np.max(np.abs(rates), axis=0) + np.max(np.abs(f[:, known]), axis=0)
             # Differences of constant states are rounding errors.
@@ -78,8 +75,8 @@ def follow(
             here = None
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
     if here is None:
-        f, _, by_u = function(x.T, *held)
-        here = f.full().T, by_u.full().T
+        f, _, by_u = evaluate(function, x, still, p)
+        here = f, by_u
     return Guess(share, x, balance(problem, rates, *here), duration, np.zeros(0))
 
 
@@ -104,6 +101,8 @@ def balance(problem: Problem, rates: Array, f: Array, by_u: Array) -> Array:
 
 def _least_squares(matrices: Array, right: Array) -> Array:
     """Return the least-squares solutions (K, n) of stacks of systems (K, m, n), (K, m)."""
+    if np.all(matrices == matrices[:1]):
+        matrices = matrices[:1]  # one inverse serves all
     size = np.linalg.norm(matrices, axis=1)  # of the columns, which may differ in units
     size = np.where(size > 0.0, size, 1.0)
     return np.asarray(np.einsum("kij,kj->ki", np.linalg.pinv(matrices / size[:, None, :]), right) / size)

@@ -9,9 +9,11 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit, probes
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import slopes
 from ocp.problem.boundary_states import ends
 from ocp.problem.constraints import Where, single_symbols
+from ocp.problem.pointwise import components_along, point_values
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, phases_of
 from ocp.system import Label
@@ -25,16 +27,16 @@ def warnings_before(problem: Problem | Sequence, values: list[list[float]]) -> l
     """Return warnings (not errors) for ends at rest that the bounds on the controls cannot hold."""
     results = []
     for phase, numbers in zip(phases_of(problem), values, strict=True):
-        system, p = phase.system, ca.DM(list(numbers))
+        system, p = phase.system, np.array(numbers, dtype=float)
         low, high = phase.limits(Where.ALONG, system.u)
-        function = slopes(system)
         first, last, fixed = ends(phase, p)
-        for words, x, whole in (("start", first, fixed[0]), ("end", last, fixed[1])):
-            f, _, b = (np.array(part) for part in function(x, np.zeros(len(low)), p))
+        f_of, _, by_u = evaluate(slopes(system), np.stack([first, last]), np.zeros(len(low)), p)
+        for words, whole, f, b in zip(("start", "end"), fixed, f_of, by_u, strict=True):
+            b = b.reshape(len(low), len(f)).T
             if not whole or not len(low) or not (np.all(np.isfinite(f)) and np.all(np.isfinite(b))):
                 continue
-            u = np.linalg.lstsq(b, -f.ravel(), rcond=None)[0]
-            if not _rests(f.ravel(), b * u, [label.unit for label in system.label("x", system.x.numel())]):
+            u = np.linalg.lstsq(b, -f, rcond=None)[0]
+            if not _rests(f, b * u, [label.unit for label in system.label("x", system.x.numel())]):
                 continue
             noise = ROUNDING * np.maximum(np.abs(u), 1e-3 * float(np.max(np.abs(u))))
             for label, need, least, a, c in zip(system.label("u", len(u)), u, noise, low, high, strict=True):
@@ -62,7 +64,7 @@ def standstill(problem: Problem, values: list[float], guess: Guess) -> tuple[Gue
         guess: whose first controls it takes.
     """
     system, minimise = problem.system, problem.minimise
-    first, last, fixed = ends(problem, ca.DM(values))
+    first, last, fixed = ends(problem, values)
     timed = isinstance(problem.horizon, Free) and problem.horizon.lower == 0.0 and minimise.time > 0.0
     limited = len(free_parameters(problem)) > 0
     apart = [c for c in problem.subject_to if c.where is Where.PERIODIC]
@@ -92,26 +94,28 @@ def contradictions(problem: Problem | Sequence, values: list[list[float]]) -> It
             for where in (Where.START, Where.END):
                 for label, a, b, under, over in zip(labels, low, high, *phase.limits(where, symbols), strict=True):
                     yield from _end_against_limit(label, where.value, (a, b), (under, over))
-        yield from _ends_outside(phase, ca.DM(numbers))
-        yield from _too_far(phase, ca.DM(numbers))
+        p = np.array(numbers, dtype=float)
+        yield from _ends_outside(phase, p)
+        yield from _too_far(phase, p)
 
 
-def _too_far(phase: Problem, p: ca.DM) -> Iterator[str]:
+def _too_far(phase: Problem, p: Array) -> Iterator[str]:
     """Yield messages for states that cannot travel far enough in the longest duration with limits on their rate."""
     system, horizon = phase.system, phase.horizon
     longest = horizon.duration if isinstance(horizon, Fixed) else horizon.upper
     limited = [c for c in phase.subject_to if c.where is Where.ALONG]
     if not limited:
         return
+    lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
+    if not np.isfinite(longest) and np.all(lower != 0.0) and np.all(upper != 0.0):
+        return
     low, high = phase.limits(Where.START, system.x)
     last_low, last_high = phase.limits(Where.END, system.x)
-    expression = ca.vertcat(*(c.expression for c in limited))
-    lower, upper = (np.concatenate([getattr(c, side) for c in limited]) for side in ("lower", "upper"))
     # Which expression is the rate of which state is decided by numerical values, since equal graphs may look different.
-    everything = ca.Function("r", [system.x, system.u, system.p], [system.rate, expression])
     draws = probes((4, system.x.numel() + system.u.numel()), 0.3, 0.9)
-    seen = [everything(d[: system.x.numel()], d[system.x.numel() :], p) for d in draws]
-    rates, values = (np.array([np.array(part[i]).ravel() for part in seen]) for i in (0, 1))
+    x, u = draws[:, : system.x.numel()], draws[:, system.x.numel() :]
+    rates, values, _ = evaluate(point_values(phase), x, u, p)
+    values = values[:, components_along(phase)]
     labels = _labels(phase, "x", system.x)
     equal = np.abs(rates[:, :, None] - values[:, None, :]) <= 1e-10 * np.abs(values[:, None, :])
     for i, c in np.argwhere(equal.all(axis=0)).tolist():
@@ -145,7 +149,7 @@ def _end_against_limit(
         )
 
 
-def _ends_outside(phase: Problem, p: ca.DM) -> Iterator[str]:
+def _ends_outside(phase: Problem, p: Array) -> Iterator[str]:
     """Yield messages for ends that violate a limit on an expression of the state, where the end fixes the whole state.
 
     A problem with free parameters is skipped: other values may satisfy the limit.
@@ -185,14 +189,11 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
     """Yield messages for rates, limits or costs that are not finite on the initial guess."""
     for phase, guess, numbers in zip(_phases(problem), guesses, values, strict=True):
         system = phase.system
-        expressions = [system.rate, *(c.expression for c in phase.subject_to), phase.minimise.running]
-        everything = ca.vertcat(*expressions)
-        function = ca.Function("all", [system.x, system.u, system.p], [ca.densify(everything)]).map(len(guess.share))
-        p = np.tile(np.array(numbers, dtype=float)[:, None], len(guess.share))
-        result = np.array(function(guess.x.T, guess.u.T, p))
-        bad = np.argwhere(~np.isfinite(result.T))
+        result = np.hstack(evaluate(point_values(phase), guess.x, guess.u, np.array(numbers, dtype=float)))
+        bad = np.argwhere(~np.isfinite(result))
         if not len(bad):
             continue
+        everything = ca.vertcat(system.rate, *(c.expression for c in phase.subject_to), phase.minimise.running)
         names = [f"d{label.name}/dt" for label in _labels(phase, "x", system.x)]
         names += [label.name for constraint in phase.subject_to for label in phase.labels(constraint)]
         named = list(zip([*names, "the running cost"], ca.vertsplit(everything), strict=True))
@@ -203,7 +204,7 @@ def not_finite(problem: Problem | Sequence, guesses: list[Guess], values: list[l
         at = [f"{label.name} = {value:.6g}" for symbol, label, value in states if symbol.element_hash() in used]
         when = f"after {100.0 * guess.share[node]:.3g} % of the duration" if node else "at the start"
         yield (
-            f"{name} is {result[i, node]} {when} of the first guess"
+            f"{name} is {result[node, i]} {when} of the first guess"
             f"{', where ' + ', '.join(at) if at else ''}; give a guess that avoids this state, or a model without "
             "the singularity"
         )

@@ -159,7 +159,7 @@ class Prepared:
         begun = time.perf_counter() - checks.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
         nlps = self.joined.nlps
         check_attempt(self.problem, guesses, values, warm, rung)
-        check_multipliers(multipliers, (sum(p.layout.size for p in nlps), self.joined.expressions["g"].numel()))
+        check_multipliers(multipliers, (sum(p.layout.size for p in nlps), len(self.joined.scaled.rows)))
         z0 = np.concatenate([pack(p, g, v) for p, g, v in zip(nlps, guesses, values, strict=True)])
         result, reasons = self._without_solver(guesses, values, z0)
         if result is not None:
@@ -207,7 +207,7 @@ class Prepared:
         return None, []
 
     def _not_started(self, z0: Array, cost: float, status: Status) -> NlpResult:
-        rows = np.zeros(self.joined.expressions["g"].numel())
+        rows = np.zeros(len(self.joined.scaled.rows))
         return NlpResult(z0, rows, np.zeros(len(z0)), cost, status, "not started", 0, 0.0, 0.0, {})
 
     def _solution(
@@ -282,9 +282,9 @@ def _solver_of(joined: JoinedNlp, settings: NlpSettings, start: Start) -> Physic
     """Return the solver of an NLP; that of IPOPT is kept for NLPs of the same structure with the same settings."""
 
     def make() -> PhysicalSolver:
-        return physical_solver(joined.expressions, joined.derivatives, joined.scales, settings, start)
+        return physical_solver(joined.scaled, settings, start)
 
-    kept_as, alone = joined.nlps[0].structure, joined.expressions["x"] is joined.nlps[0].expressions["x"]
+    kept_as, alone = joined.nlps[0].structure, joined.scaled is joined.nlps[0].scaled
     if not kept_as or not alone or type(settings) is not Ipopt:
         return make()
     return KEPT.get((kept_as, repr(settings), settings.shown, start), make)

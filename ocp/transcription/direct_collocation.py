@@ -19,12 +19,13 @@ from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Penalty
 from ocp.transcription.conditions import at_points
 from ocp.transcription.derivatives import Local, assemble
-from ocp.transcription.element_points import block_diagonal, control_matrix, path_points, row_parts, unknowns_of
+from ocp.transcription.element_points import block_diagonal, control_matrix, each, path_points, row_parts, unknowns_of
 from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
 from ocp.transcription.layout import Layout, lay_out
 from ocp.transcription.nlp import Nlp
+from ocp.transcription.scaled_nlp import ScaledNlp
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -76,12 +77,14 @@ def transcribe(
         blocks.append((local, [widths[penalty.elements.tolist()].T, reference]))
         sizes.append(np.zeros(0))
     if arc_layout.total:
-        blocks.append((_total(layout, scaling), []))
+        blocks.append((_sum_of_durations(layout, np.full(1, scaling.horizon), 0.0), []))
         sizes.append(np.full(1, scaling.horizon))
     if arc_layout.evenness:
         blocks.append((_unevenness(layout, arc_layout.evenness), []))
         sizes.append(np.zeros(0))
-    expressions, derivatives, compilation = assemble(blocks, ca.MX.sym("z", layout.size), s, translate)
+    scaled = [(local.divided(own, scaling.cost), inputs) for (local, inputs), own in zip(blocks, sizes, strict=True)]
+    expressions, derivatives, compilation = assemble(scaled, ca.MX.sym("z", layout.size), s, translate)
+    of_rows = np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)])
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in conditions)])
@@ -90,10 +93,9 @@ def transcribe(
         for first, c in zip(counts[1:], conditions, strict=False)
     )
     return Nlp(
-        problem, scheme, grid, scaling, layout, free, expressions, derivatives,
+        problem, scheme, grid, scaling, layout, free, ScaledNlp(expressions, derivatives, scaling.cost, of_rows),
         defects.reshape(n, -1, nx), tuple(path), rows.size + np.arange(len(ends_parts)), path_parts, ends_parts,
         chosen[: len(arc_layout.conditions)], counts[-1] + np.arange(int(arc_layout.total)), compilation,
-        np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)]),
     )  # fmt: skip
 
 
@@ -133,11 +135,12 @@ def _element(
     path = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k in parts))
     inside = ca.Function("f", [system.x, system.u, system.p], [system.rate, problem.minimise.running, path])
     x, u, width = ca.SX.sym("x", nx), ca.SX.sym("u", nu), ca.SX.sym("h")
-    rate, running, limited = inside(*symbols.physical(x, u))
+    physical = symbols.physical(x, u)
+    rate, running, limited = inside(*physical)
     step = width * symbols.duration
     expressions = [problem.subject_to[i].expression[k] for i, k in parts]
     arguments = ca.vertcat(x, u, symbols.shared)
-    inner = inner_of(problem, expressions, arguments, symbols.physical(x, u), step, symbols.scaling.x)
+    inner = inner_of(problem, expressions, arguments, physical, step, symbols.scaling.x)
 
     defects, points = len(scheme.rate) * nx, scheme.points.tolist()
     rows = defects + np.cumsum([0, *(len(held) for held in tau)])
@@ -146,15 +149,15 @@ def _element(
     for t in sorted({*points}.union(*tau)):
         outer = np.zeros((rows[-1] + 1, nx + 1 + len(parts)))
         if t in points:
-            outer[:defects, :nx] = np.kron(-scheme.rate[:, [points.index(t)]], np.eye(nx))
+            outer[:defects, :nx] = each(-scheme.rate[:, [points.index(t)]], nx)
             outer[-1, nx] = scheme.weights[points.index(t)]
         for k, held in enumerate(tau):
             if t in held:
                 outer[rows[k] + held.index(t), nx + 1 + k] = 1.0
         node = np.eye(m)[[int(np.argmin(np.abs(scheme.nodes - t)))]]
-        terms.append((outer, block_diagonal(np.kron(node, np.eye(nx)), control_matrix(scheme, t, nu), np.eye(shared))))
+        terms.append((outer, block_diagonal(each(node, nx), control_matrix(scheme, t, nu), np.eye(shared))))
     linear = np.zeros((rows[-1] + 1, m * nx + c * nu + shared))
-    linear[:defects, : m * nx] = np.kron(scheme.state, np.eye(nx))
+    linear[:defects, : m * nx] = each(scheme.state, nx)
     return Local(
         ca.vertcat(step * rate / symbols.scaling.x, step * running, limited), arguments,
         (symbols.p, symbols.given, width), linear, terms, unknowns_of(layout, np.arange(n), arc), inner,
@@ -166,6 +169,8 @@ def _ends(
 ) -> Local:
     """Return the function of both ends of the motion: conditions there, the final cost and the weight of time."""
     system, minimise, nx, nu = problem.system, problem.minimise, layout.state.shape[2], layout.control.shape[2]
+    if layout.horizon.size and not parts and minimise.final.is_zero() and minimise.initial.is_zero():
+        return _sum_of_durations(layout, np.zeros(0), minimise.time * symbols.scaling.horizon)
     conditions = ca.vertcat(*(problem.subject_to[i].expression[k] for i, k, _ in parts))
     there = ca.Function("ends", [system.x, system.u, system.p], [conditions, minimise.final, minimise.initial])
     first, last = ca.SX.sym("first", nx + nu), ca.SX.sym("last", nx + nu)
@@ -216,12 +221,10 @@ def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) ->
     )
 
 
-def _total(layout: Layout, scaling: Scaling) -> Local:
-    """Return the function of the sum of all durations."""
-    none = ca.SX.sym("none")
-    linear = np.zeros((2, len(layout.horizon)))
-    linear[0] = scaling.horizon
-    return Local(ca.SX(1, 1), none, (), linear, [], layout.horizon[:, None])
+def _sum_of_durations(layout: Layout, rows: Array, cost: float) -> Local:
+    """Return the sum of all durations, times numbers (m,) as rows and times a number as part of the cost."""
+    linear = np.tile(np.append(rows, cost)[:, None], len(layout.horizon))
+    return Local(ca.SX(1, 1), ca.SX.sym("none"), (), linear, [], layout.horizon[:, None])
 
 
 def _unevenness(layout: Layout, weight: float) -> Local:

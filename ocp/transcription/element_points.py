@@ -24,7 +24,7 @@ def block_diagonal(*blocks: Array) -> Array:
 
 def control_matrix(scheme: Scheme, tau: float, nu: int) -> Array:
     """Return the matrix that takes the control unknowns of an element to the control at tau."""
-    return np.kron(scheme.control_at(np.array([tau])), np.eye(nu))
+    return each(scheme.control_at(np.array([tau])), nu)
 
 
 def unknowns_of(layout: Layout, elements: Array, arc: Array) -> Array:
@@ -39,6 +39,20 @@ def unknowns_of(layout: Layout, elements: Array, arc: Array) -> Array:
     durations = layout.horizon[arc[elements]][None, :] if len(layout.horizon) else np.zeros((0, e), dtype=int)
     states, controls = layout.state[elements].reshape(e, -1).T, layout.control[elements].reshape(e, -1).T
     return np.vstack([states, controls, durations, np.tile(layout.free[:, None], e)])
+
+
+def each(matrix: Array, size: int) -> Array:
+    """Return the matrix that combines columns (size,) as the given one combines numbers, its Kronecker product with I.
+
+    Args:
+        matrix: (r, c).
+        size: of the columns.
+
+    Returns:
+        (r size, c size).
+    """
+    rows, columns = matrix.shape
+    return (matrix[:, None, :, None] * np.eye(size)[:, None, :]).reshape(rows * size, columns * size)
 
 
 def path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:

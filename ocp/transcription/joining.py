@@ -11,6 +11,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.problem.sequence import Sequence
 from ocp.transcription.nlp import Nlp
+from ocp.transcription.scaled_nlp import ScaledNlp, derivative_functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,14 +19,8 @@ class JoinedNlp:
     """The NLPs of one or more phases as one NLP."""
 
     nlps: tuple[Nlp, ...]
-    expressions: dict[str, ca.MX]  # x, p, f, g
-    derivatives: dict[str, ca.Function]
-    links: int  # number of rows that tie the phases, after those of the phases
-
-    @property
-    def scales(self) -> tuple[float, Array]:
-        """Scales of the cost and of the rows (ng,); the rows that tie the phases are scaled already."""
-        return self.nlps[0].scaling.cost, np.concatenate([*(p.row_scales for p in self.nlps), np.ones(self.links)])
+    scaled: ScaledNlp
+    links: int  # number of rows that tie the phases, after those of the phases; their scales are one
 
 
 def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array]) -> JoinedNlp:
@@ -37,36 +32,31 @@ def join(nlps: tuple[Nlp, ...], sequence: Sequence | None, scales: Several[Array
         scales: of the linked expressions, for every junction of the sequence.
     """
     if sequence is None:
-        only = nlps[0]
-        return JoinedNlp(nlps, dict(only.expressions), dict(only.derivatives), 0)
-    z = ca.MX.sym("z", sum(p.layout.size for p in nlps))
-    s = ca.MX.sym("s", sum(p.expressions["p"].numel() for p in nlps))
-    zs = ca.vertsplit(z, np.cumsum([0, *(p.layout.size for p in nlps)]).tolist())
-    ss = ca.vertsplit(s, np.cumsum([0, *(p.expressions["p"].numel() for p in nlps)]).tolist())
+        return JoinedNlp(nlps, nlps[0].scaled, 0)
+    every = [p.scaled for p in nlps]
+    sizes = [[one.expressions[name].numel() for one in every] for name in ("x", "p")]
+    z, s = (ca.MX.sym(name, sum(size)) for name, size in zip(("z", "s"), sizes, strict=True))
+    zs, ss = (ca.vertsplit(v, np.cumsum([0, *size]).tolist()) for v, size in zip((z, s), sizes, strict=True))
     linked = [
         (_at_junction(nlps[j], after, zs[j], ss[j], 0) - _at_junction(nlps[i], before, zs[i], ss[i], -1)) / ca.DM(scale)
         for (i, j, before, after), scale in zip(sequence.junctions, scales, strict=True)
     ]
     tied = ca.vertcat(*linked, *_shared(nlps, zs))
-    first = [p.derivatives["jac_g"](z_, s_) for p, z_, s_ in zip(nlps, zs, ss, strict=True)]
-    slopes = [p.derivatives["grad_f"](z_, s_) for p, z_, s_ in zip(nlps, zs, ss, strict=True)]
+    first = [p.derivatives["jac_g"](z_, s_) for p, z_, s_ in zip(every, zs, ss, strict=True)]
+    slopes = [p.derivatives["grad_f"](z_, s_) for p, z_, s_ in zip(every, zs, ss, strict=True)]
     f, g = sum((slope[0] for slope in slopes), ca.MX(0)), ca.vertcat(*(part[0] for part in first), tied)
     jacobian = ca.vertcat(ca.diagcat(*(part[1] for part in first)), ca.jacobian(tied, z))
     gradient = ca.vertcat(*(slope[1] for slope in slopes))
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
     parts = ca.vertsplit(lam_g, np.cumsum([0, *(p.rows for p in nlps), tied.numel()]).tolist())
     blocks = [
-        p.derivatives["hess_lag"](z_, s_, lam_f, lam) for p, z_, s_, lam in zip(nlps, zs, ss, parts[:-1], strict=True)
+        p.derivatives["hess_lag"](z_, s_, lam_f, lam) for p, z_, s_, lam in zip(every, zs, ss, parts[:-1], strict=True)
     ]
     hessian = ca.diagcat(*blocks) + ca.triu(ca.hessian(ca.dot(parts[-1], tied), z)[0])
-    derivatives = {
-        "jac_g": ca.Function("nlp_jac_g", [z, s], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-        "grad_f": ca.Function("nlp_grad_f", [z, s], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
-        "hess_lag": ca.Function(
-            "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
-        ),
-    }
-    return JoinedNlp(nlps, {"x": z, "p": s, "f": f, "g": g}, derivatives, tied.numel())
+    derivatives = derivative_functions((z, s, lam_f, lam_g), (f, gradient), (g, jacobian), hessian)
+    of_rows = np.concatenate([*(one.rows for one in every), np.ones(tied.numel())])
+    scaled = ScaledNlp({"x": z, "p": s, "f": f, "g": g}, derivatives, every[0].cost, of_rows)
+    return JoinedNlp(nlps, scaled, tied.numel())
 
 
 def _shared(nlps: tuple[Nlp, ...], zs: list[ca.MX]) -> list[ca.MX]:

@@ -14,6 +14,7 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Free, Problem
 from ocp.transcription.grid import Grid
 from ocp.transcription.layout import Layout
+from ocp.transcription.scaled_nlp import ScaledNlp
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -22,7 +23,7 @@ from ocp.transcription.schemes.scheme import Scheme
 class Nlp:
     """min f(z, s) subject to bounds on z and g(z, s); z are scaled unknowns, s = [p; duration if fixed; widths].
 
-    The solver sees f divided by scaling.cost and g divided by row_scales (`ocp.transcription.scaled_nlp`).
+    The solver sees f and g divided by their scales (`ocp.transcription.scaled_nlp`).
     """
 
     problem: Problem
@@ -31,8 +32,7 @@ class Nlp:
     scaling: Scaling
     layout: Layout
     free: Array  # numbers of the parameters that are unknowns
-    expressions: Mapping[str, ca.MX]  # x, p, f, g
-    derivatives: Mapping[str, ca.Function]  # grad_f, jac_g, hess_lag
+    scaled: ScaledNlp
     defects: Array  # (N, rows, nx) rows of g
     path: tuple[Array, ...]  # for each path part (N, points) rows of g
     ends: Array  # (nb,) rows of g
@@ -41,13 +41,22 @@ class Nlp:
     conditions: tuple[Array, ...] = ()  # for each condition of an arc layout (elements, points, m) rows of g
     total: Array = field(default_factory=lambda: np.zeros(0, dtype=int))  # row of the sum of all durations, if given
     compilation: Compilation | None = None  # of the functions of an element, if asked for
-    row_scales: Array = field(default_factory=lambda: np.zeros(0))  # (ng,) scales of the rows of g
     structure: bytes = b""  # digest of everything that the graphs depend on; empty if they are not kept
 
     @property
     def rows(self) -> int:
         """Number of rows of g."""
-        return len(self.row_scales)
+        return len(self.scaled.rows)
+
+    @property
+    def expressions(self) -> Mapping[str, ca.MX]:
+        """Expressions "x", "p", "f" and "g"."""
+        return self.scaled.physical[0]
+
+    @property
+    def derivatives(self) -> Mapping[str, ca.Function]:
+        """Functions "grad_f", "jac_g" and "hess_lag" of f and g, with the signatures of `nlpsol`."""
+        return self.scaled.physical[1]
 
 
 def bounds(nlp: Nlp) -> tuple[Array, Array, Array, Array]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import rates
 from ocp.problem.problem import Fixed
 from ocp.transcription.guess import Guess
@@ -71,11 +72,10 @@ def unpack(nlp: Nlp, z: Array, multipliers: Array, limits: Array, values: list[f
     states, controls = z[layout.state] * scaling.x, z[layout.control] * scaling.u
     slopes = np.zeros((len(states), 0, states.shape[2]))
     if scheme.slope_at_start:
-        rate = rates(system).map(len(states))
-        first = np.einsum("m,kma->ak", scheme.control_at(np.zeros(1))[0], controls)
-        parameters = np.tile(np.array([everything[name] for name in names])[:, None], len(states))
+        first = np.einsum("m,kma->ka", scheme.control_at(np.zeros(1))[0], controls)
+        parameters = np.array([everything[name] for name in names])
         widths = duration * nlp.grid.widths
-        slopes = (np.array(rate(states[:, 0].T, first, parameters)).T * widths[:, None])[:, None, :]
+        slopes = (evaluate(rates(system), states[:, 0], first, parameters)[0] * widths[:, None])[:, None, :]
     # The rate F_j enters the Lagrangian with -sum_i rate_ij lam_i; divided by the weight b_j that is the costate.
     of_defects = multipliers[nlp.defects]
     costates = -np.einsum("ij,kia->kja", scheme.rate, of_defects) / scheme.weights[:, None] / scaling.x

@@ -1,10 +1,8 @@
-"""The NLP as a solver sees it: cost and rows divided by their scales, and the way back to physical units.
-
-The unknowns are scaled already: the transcription states them divided by `Scaling.x`, `Scaling.u` and so on.
-"""
+"""The NLP as a solver sees it: unknowns, cost and rows divided by their scales, and the way back to physical units."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -18,7 +16,7 @@ Bounds = tuple[Array, Array, Array, Array]  # of the unknowns (nz,), (nz,), of t
 
 @dataclass(frozen=True, eq=False)
 class ScaledNlp:
-    """min f(z, s) / cost subject to bounds on z and on g(z, s) / rows.
+    """min f(z, s) / cost subject to bounds on z and on g(z, s) / rows, for scaled unknowns z.
 
     Args:
         expressions: "x" the unknowns z (nz,), "p" the parameters s, "f" the scaled cost, "g" the scaled rows (ng,).
@@ -31,6 +29,22 @@ class ScaledNlp:
     derivatives: Mapping[str, ca.Function]
     cost: float
     rows: Array
+
+    @functools.cached_property
+    def physical(self) -> tuple[Mapping[str, ca.MX], Mapping[str, ca.Function]]:
+        """Expressions and derivatives of f(z, s) and g(z, s), cost and rows in physical units; made when asked for."""
+        if self.cost == 1.0 and np.all(self.rows == 1.0):
+            return self.expressions, self.derivatives
+        z, s, by = self.expressions["x"], self.expressions["p"], ca.DM(self.rows.tolist())
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self.rows))
+        f, gradient = self.derivatives["grad_f"](z, s)
+        g, jacobian = self.derivatives["jac_g"](z, s)
+        pattern = jacobian.sparsity()
+        entries = ca.vec(jacobian.nz[:]) * ca.DM(self.rows[np.array(pattern.row(), dtype=int)].tolist())
+        hessian = self.derivatives["hess_lag"](z, s, self.cost * lam_f, by * lam_g)
+        cost, rows = (self.cost * f, self.cost * gradient), (by * g, ca.sparsity_cast(entries, pattern))
+        expressions = {"f": self.cost * self.expressions["f"], "g": by * self.expressions["g"]}
+        return {**self.expressions, **expressions}, derivative_functions((z, s, lam_f, lam_g), cost, rows, hessian)
 
     @property
     def unknowns(self) -> int:
@@ -50,32 +64,22 @@ class ScaledNlp:
         return self.cost * multipliers[0], self.cost * multipliers[1] / self.rows
 
 
-def scale_nlp(
-    expressions: Mapping[str, ca.MX], derivatives: Mapping[str, ca.Function], cost: float, rows: Array
-) -> ScaledNlp:
-    """Return an NLP and its derivatives with the cost and the rows divided by their scales.
+def derivative_functions(
+    symbols: tuple[ca.MX, ca.MX, ca.MX, ca.MX], cost: tuple[ca.MX, ca.MX], rows: tuple[ca.MX, ca.MX], curvature: ca.MX
+) -> dict[str, ca.Function]:
+    """Return the functions "grad_f", "jac_g" and "hess_lag" of an NLP, with the signatures of `nlpsol`.
 
     Args:
-        expressions: "x", "p", "f", "g" of the unscaled cost and rows.
-        derivatives: "grad_f", "jac_g", "hess_lag".
-        cost: scale of the cost.
-        rows: (ng,) scales of the rows.
+        symbols: unknowns z, parameters s, multipliers of the cost and of the rows.
+        cost: f and its gradient by z.
+        rows: g and its Jacobian by z.
+        curvature: upper triangle of the Hessian of lam_f f + lam_g . g by z.
     """
-    if cost == 1.0 and np.all(rows == 1.0):
-        return ScaledNlp(expressions, derivatives, cost, rows)
-    z, s, by = expressions["x"], expressions["p"], ca.DM(1.0 / rows)
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(rows))
-    f, gradient = derivatives["grad_f"](z, s)
-    g, jacobian = derivatives["jac_g"](z, s)
-    row_of_entry = np.array(jacobian.sparsity().row(), dtype=int)
-    entries = ca.vec(jacobian.nz[:]) * ca.DM(1.0 / rows[row_of_entry])
-    jacobian = ca.sparsity_cast(entries, jacobian.sparsity())
-    hessian = derivatives["hess_lag"](z, s, lam_f / cost, lam_g * by)
-    divided = {
-        "grad_f": ca.Function("nlp_grad_f", [z, s], [f / cost, gradient / cost], ["x", "p"], ["f", "grad_f_x"]),
-        "jac_g": ca.Function("nlp_jac_g", [z, s], [g * by, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+    given, inputs = list(symbols[:2]), ["x", "p"]
+    return {
+        "grad_f": ca.Function("nlp_grad_f", given, list(cost), inputs, ["f", "grad_f_x"]),
+        "jac_g": ca.Function("nlp_jac_g", given, list(rows), inputs, ["g", "jac_g_x"]),
         "hess_lag": ca.Function(
-            "nlp_hess_l", [z, s, lam_f, lam_g], [hessian], ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
+            "nlp_hess_l", list(symbols), [curvature], [*inputs, "lam_f", "lam_g"], ["hess_gamma_x_x"]
         ),
     }
-    return ScaledNlp({**expressions, "f": expressions["f"] / cost, "g": expressions["g"] * by}, divided, cost, rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -10,8 +10,9 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.arrays import largest_of_unit, probes
+from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import slopes as slopes_of
-from ocp.problem.constraints import Constraint, Where, single_symbols
+from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Problem
 from ocp.transcription.guess import Guess
 
@@ -84,18 +85,15 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     ranges, value = (np.max(np.abs(x), axis=0, initial=0.0) for x in (guess.x - guess.x[0], guess.x))
     travelled = np.where(ranges > STILL * value, np.maximum(ranges, OFFSET * value), value)
     limited = largest_bound(problem, system.x)
-    p = ca.DM(list(values))
-    function = slopes_of(system)
+    p, function = np.array(values, dtype=float), slopes_of(system)
     # Rates at a handful of guessed states with every control at its lower and upper limit.
     points = guess.x[:: max(1, len(guess.x) // 4)]
     # In the guess, terms of a rate may cancel; slightly different states show how large they are.
     points = np.vstack([points, points * probes(points.shape, 0.95, 1.0)])
     nu, count = system.u.numel(), len(points)
     lower, upper = problem.limits(Where.ALONG, system.u)
-    held = np.tile(_within(np.zeros(nu), lower, upper)[:, None], count), ca.repmat(p, 1, count)
-    slopes = np.abs(
-        np.array(function.map(count)(points.T, *held)[2]).T.reshape(count, nu, len(limited)).transpose(0, 2, 1)
-    )
+    by_u = evaluate(function, points, _within(np.zeros(nu), lower, upper), p)[2]
+    slopes = np.abs(by_u.reshape(count, nu, len(limited)).transpose(0, 2, 1))
     slopes[~np.isfinite(slopes)] = 0.0
     units = [label.unit for label in system.label("x", len(limited))]
     needed = np.where(np.isfinite(limited), limited, travelled) / guess.duration
@@ -111,7 +109,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     # Rates with controls beyond their limits may be anything: a reaction at a negative temperature.
     corners = _within(np.vstack([np.zeros(nu), np.eye(nu), -np.eye(nu)]) * u, lower, upper)
     x_all, u_all = np.repeat(points, len(corners), axis=0), np.tile(corners, (count, 1))
-    built = np.abs(np.array(function.map(len(x_all))(x_all.T, u_all.T, ca.repmat(p, 1, len(x_all)))[0]).T)
+    built = np.abs(evaluate(function, x_all, u_all, p)[0])
     built[~np.isfinite(built)] = 0.0
     reached = np.maximum(travelled, guess.duration / 4.0 * np.max(built, axis=0, initial=0.0))
     reached = _without_rounding(reached, units)
@@ -120,7 +118,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     return Scaling(
         _power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters),
         float(_power_of_two(_cost_scale(problem, guess, p, (x, u)) / COST)),
-        tuple(_power_of_two(_constraint_scales(problem, c, guess, p, (x, u))) for c in problem.subject_to),
+        tuple(map(_power_of_two, _constraint_scales(problem, guess, p, (x, u)))),
     )  # fmt: skip
 
 
@@ -134,27 +132,25 @@ def expression_scales(
     expression: ca.SX, problem: Problem, guess: Guess, values: Sequence[float], scaling: Scaling
 ) -> Array:
     """Return the scales (m,) of an expression from those of the states and controls that it depends on."""
-    return _power_of_two(_largest_change(expression, problem, guess, ca.DM(list(values)), (scaling.x, scaling.u)))
+    p = np.array(values, dtype=float)
+    return _power_of_two(_largest_change(expression, problem, guess, p, (scaling.x, scaling.u)))
 
 
-def _largest_change(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> Array:
+def _largest_change(expression: ca.SX, problem: Problem, guess: Guess, p: Array, corner: tuple[Array, Array]) -> Array:
     """Return the largest change (m,) of an expression along a guess, to first order, by one scale of all x and u."""
+    slope = ca.jacobian(ca.vec(expression), ca.vertcat(problem.system.x, problem.system.u))
+    return _largest(ca.fabs(slope) @ np.concatenate(corner), problem, guess, p)
+
+
+def _largest(expression: ca.SX, problem: Problem, guess: Guess, p: Array) -> Array:
     system = problem.system
-    xu = ca.vertcat(system.x, system.u)
-    slope = ca.densify(ca.jacobian(ca.vec(expression), xu))
-    size = np.tile(np.concatenate(corner)[:, None], expression.numel()).T
-    return _largest(ca.sum2(ca.fabs(slope) * size), problem, guess, p)
-
-
-def _largest(expression: ca.SX, problem: Problem, guess: Guess, p: ca.DM) -> Array:
-    system, count = problem.system, len(guess.share)
-    function = ca.Function("size", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))]).map(count)
-    result = np.abs(np.array(function(guess.x.T, guess.u.T, ca.repmat(p, 1, count))))
+    function = ca.Function("size", [system.x, system.u, system.p], [ca.densify(ca.vec(expression))])
+    result = np.abs(evaluate(function, guess.x, guess.u, p)[0])
     result[~np.isfinite(result)] = 0.0
-    return np.asarray(np.max(result, axis=1, initial=0.0))
+    return np.asarray(np.max(result, axis=0, initial=0.0))
 
 
-def _cost_scale(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, Array]) -> float:
+def _cost_scale(problem: Problem, guess: Guess, p: Array, corner: tuple[Array, Array]) -> float:
     """Return the sum of the absolute parts of the cost, along the guess or with states and controls at their scales."""
     minimise = problem.minimise
     timed = abs(minimise.time) * guess.duration
@@ -173,16 +169,20 @@ def _cost_scale(problem: Problem, guess: Guess, p: ca.DM, corner: tuple[Array, A
     return timed + max(of(guess), LEAST_COST * of(wide))
 
 
-def _constraint_scales(
-    problem: Problem, constraint: Constraint, guess: Guess, p: ca.DM, corner: tuple[Array, Array]
-) -> Array:
-    """Return the scales of the components of a constraint."""
-    sides = np.abs(np.stack([constraint.lower, constraint.upper]))
-    limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
-    if len(single_symbols(constraint, problem.system)) == len(limit):
-        return np.ones(len(limit))  # bounds of unknowns, which have scales of their own
-    seen = _largest_change(constraint.expression, problem, guess, p, corner)
-    return np.asarray(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))
+def _constraint_scales(problem: Problem, guess: Guess, p: Array, corner: tuple[Array, Array]) -> Iterator[Array]:
+    """Yield the scales of the components of every constraint."""
+    changes = dict[tuple[int, ...], Array]()  # by expression: often the same one is constrained at both ends
+    for constraint in problem.subject_to:
+        sides = np.abs(np.stack([constraint.lower, constraint.upper]))
+        limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
+        if len(single_symbols(constraint, problem.system)) == len(limit):
+            yield np.ones(len(limit))  # bounds of unknowns, which have scales of their own
+            continue
+        key = tuple(component.element_hash() for component in ca.vertsplit(constraint.expression))
+        if key not in changes:
+            changes[key] = _largest_change(constraint.expression, problem, guess, p, corner)
+        seen = changes[key]
+        yield np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit)
 
 
 def _without_rounding(reached: Array, units: list[str]) -> Array:

@@ -72,9 +72,20 @@ def test_missing_tools_are_rows_and_no_errors(tmp_path, capsys, monkeypatch):
 
 
 def test_failed_solve_of_this_project_is_the_only_failure(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(benchmark, "own", lambda *_, **__: RunResult(note="no motion found"))
     arguments = ["--problems", "P3", "--grids", "4", "--contenders", "hamel", "element", "--repeats", "1"]
-    assert benchmark.main([*arguments, "--output", str(tmp_path)]) == 1
+    assert benchmark.main(arguments) == 1
+    assert list(tmp_path.iterdir()) == []  # files are written where the user says, and only then
+
+
+def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "benchmark.csv"
+    path.write_text("old")
+    monkeypatch.setattr(benchmark, "medians", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        benchmark.write_csv({("P3", 4, "hamel"): [RunResult()]}, path)
+    assert [(one.name, one.read_text()) for one in tmp_path.iterdir()] == [("benchmark.csv", "old")]
 
 
 def test_replayed_right_hand_side_is_the_function():

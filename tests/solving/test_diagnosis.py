@@ -100,14 +100,14 @@ def test_a_duration_below_the_speed_limit_is_found_before_solving() -> None:
 
 
 def test_ctrl_c_returns_the_last_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
-    evaluate = ipopt.Watch.eval
+    evaluate = ipopt.Watch.eval_buffer
 
-    def pressed_in_the_third_iteration(watch: ipopt.Watch, arg: list[ca.DM]) -> list[int]:
+    def pressed_in_the_third_iteration(watch: ipopt.Watch, arg: list[memoryview], res: list[memoryview]) -> int:
         if watch.count == 2:
             os.kill(os.getpid(), signal.SIGINT)
-        return evaluate(watch, arg)
+        return evaluate(watch, arg, res)
 
-    monkeypatch.setattr(ipopt.Watch, "eval", pressed_in_the_third_iteration)
+    monkeypatch.setattr(ipopt.Watch, "eval_buffer", pressed_in_the_third_iteration)
     prepared = prepare(point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES), grid=uniform(50))
     before = signal.getsignal(signal.SIGINT)
     solution = prepared()

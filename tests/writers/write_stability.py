@@ -19,6 +19,7 @@ from hard_cases.suite import CASES
 from hard_cases.table import as_csv, as_markdown, by_group, from_csv
 
 from ocp import sweep
+from ocp.numerics.files import written_whole
 
 TITLE = """# Stability suite: measured figures
 
@@ -48,14 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begun = time.perf_counter()
     findings = measured(chosen, options.jobs, options.quiet)
     seconds = time.perf_counter() - begun
+    head = f"{len(findings)} cases, {sum(len(f.figures) for f in findings)} figures, {seconds:.0f} s"
     try:
-        options.output.mkdir(parents=True, exist_ok=True)
-        files = [options.output / f"stability_table.{kind}" for kind in ("md", "csv", "png")]
-        head = f"{len(findings)} cases, {sum(len(f.figures) for f in findings)} figures, {seconds:.0f} s"
-        page = "\n\n".join((TITLE, f"{head}.", by_group(findings), as_markdown(findings)))
-        files[0].write_text(f"{page}\n", encoding="utf-8")
-        files[1].write_text(as_csv(findings), encoding="utf-8")
-        picture.draw(findings, files[2])
+        files = [] if options.output is None else written(findings, head, options.output)
     except OSError as error:
         print(f"stability: {error}", file=sys.stderr)
         return 1
@@ -64,8 +60,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for finding in bad:
         wrong = [str(figure) for figure in finding.figures if not figure.passed][:5]
         print("\n".join(f"FAILED {finding.case}: {text}" for text in wrong or ["no figure was measured"]))
-    print(f"{head}: {len(bad)} failed; files {', '.join(map(os.fspath, files))}")
+    print(f"{head}: {len(bad)} failed" + (f"; files {', '.join(map(os.fspath, files))}" if files else ""))
     return 1 if bad else 0
+
+
+def written(findings: list[Finding], head: str, folder: Path) -> list[Path]:
+    """Write table, CSV and picture of the findings in place of older ones, and return their paths.
+
+    Args:
+        findings: of the suite.
+        head: first line of the table.
+        folder: made if it is not there.
+
+    Raises:
+        OSError: a file cannot be written; it stays as it was.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"stability_table.{kind}" for kind in ("md", "csv", "png")]
+    page = "\n\n".join((TITLE, f"{head}.", by_group(findings), as_markdown(findings)))
+    for path, text in zip(files, (f"{page}\n", as_csv(findings)), strict=False):
+        with written_whole(path) as part:
+            part.write_text(text, encoding="utf-8")
+    picture.draw(findings, files[2])
+    return files
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -77,7 +94,12 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--fast", action="store_true", help="only the cases of the ordinary tests")
     parser.add_argument("--group", nargs="+", metavar="NAME", help="only these groups")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
-    parser.add_argument("--output", type=Path, default=Path("results"), metavar="DIR", help="for MD, CSV and PNG")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="write stability_table.md, .csv and .png there, in place of older ones",
+    )
     parser.add_argument("--redraw", type=Path, metavar="CSV", help="draw the picture of a table again, and stop")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
     return parser
