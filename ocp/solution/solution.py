@@ -16,6 +16,7 @@ from ocp.numerics.evaluation import mapped
 from ocp.numerics.rate_functions import rates
 from ocp.problem.problem import Problem
 from ocp.solution.accuracy import Accuracy
+from ocp.solution.deferred import Deferred
 from ocp.solution.structure import Structure
 from ocp.transcription.grid import Grid
 from ocp.transcription.packing import Multipliers
@@ -81,6 +82,9 @@ class Solution:
     def ok(self) -> bool:
         """Whether the solver met its tolerance."""
         return self.status is Status.SOLVED
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "message": self.message}
 
     def __repr__(self) -> str:
         return (
@@ -251,3 +255,6 @@ class Solution:
         element, tau = self._position(self._times(t))
         result: Array = np.einsum("km,kma->ka", matrix_at(tau), values[element])
         return result if np.ndim(t) else result[0]
+
+
+Solution.message = Deferred("message")  # type: ignore[assignment] # warnings take a re-integration of the motion

@@ -55,6 +55,11 @@ def explain(solutions: list[Solution], values: list[list[float]]) -> list[str]:
     return sentences + _remedies(status, problems, bool(results))
 
 
+def in_words(status: Status, reasons: list[str]) -> str:
+    """Return the message of a solution: its status and the sentences of `explain` or `remarks`."""
+    return f"{status.value}: {'; '.join(reasons)}" if reasons else status.value
+
+
 def _kinked(problem: Problem) -> list[str]:
     """Return a sentence about functions without a derivative somewhere; Newton's method stops at such points."""
     result = kinks(problem)

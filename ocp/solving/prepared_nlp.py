@@ -21,7 +21,7 @@ from ocp.problem.singularities import singular_ends
 from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solving.argument_checks import check_attempt, check_multipliers, check_settings
-from ocp.solving.diagnosis import explain, remarks
+from ocp.solving.diagnosis import explain, in_words, remarks
 from ocp.solving.first_guesses import phase_guesses, smooth
 from ocp.solving.guess_conversion import KINDS, AnySolution, GuessLike, as_guesses, is_fresh, is_ladder
 from ocp.solving.guess_ladder import DEFAULT, climb
@@ -218,11 +218,13 @@ class Prepared:
         timings = Timings(self.setup + setup, result.derivatives, spent, self.setup + setup + result.seconds)
         solutions = solutions_of(result, nlps, values, timings, rung)
         status = solutions[0].status
-        if not reasons:
-            reasons = remarks(solutions) if status is Status.SOLVED else explain(solutions, values)
-        if status is not Status.SOLVED and self.settings.tol < ROUNDING:
+        solved = status is Status.SOLVED
+        if solved and isinstance(self.problem, Problem):
+            return replace(solutions[0], message=lambda: in_words(status, remarks(solutions)))  # type: ignore[arg-type]
+        reasons = reasons or (remarks(solutions) if solved else explain(solutions, values))
+        if not solved and self.settings.tol < ROUNDING:
             reasons = [*reasons, f"a tolerance of {self.settings.tol:g} is below rounding; try {ROUNDING:g}"]
-        message = ": ".join([status.value, "; ".join(reasons)]) if reasons else status.value
+        message = in_words(status, reasons)
         if isinstance(self.problem, Problem):
             return replace(solutions[0], message=message)
         return SequenceSolution(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
 import signal
 from dataclasses import replace
@@ -19,6 +20,7 @@ from ocp import (
     Fixed,
     Ipopt,
     Problem,
+    Solution,
     Status,
     System,
     along,
@@ -32,7 +34,8 @@ from ocp import (
     uniform,
     verify,
 )
-from ocp.solving import ipopt
+from ocp.solution.integration_drift import drift
+from ocp.solving import diagnosis, ipopt
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "failures.md"
 
@@ -167,6 +170,26 @@ def test_a_grid_that_does_not_resolve_the_motion_is_told_with_its_drift() -> Non
     assert verify(coarse).drift > 1e-3
     assert fine.message == Status.SOLVED.value
     assert verify(fine).drift < 1e-6
+
+
+def test_the_motion_is_integrated_again_only_for_those_who_read_the_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[float] = []
+
+    def counted(solution: Solution, *others: object) -> np.ndarray:
+        calls.append(solution.cost)
+        return drift(solution, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(diagnosis, "drift", counted)
+    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
+    solution, other = (solve(task, scheme, GRID) for scheme in (lobatto(2), lobatto(3)))
+    assert calls == []
+    travelled = pickle.loads(pickle.dumps(solution))
+    assert calls == [solution.cost]
+    assert travelled.message == solution.message == solution.message
+    assert "does not resolve" in solution.message
+    assert calls == [solution.cost]
+    assert replace(other, rung="named").message == other.message
+    assert calls == [solution.cost, other.cost]
 
 
 def test_the_drift_that_is_told_is_that_of_a_re_integration() -> None:
