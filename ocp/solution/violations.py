@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.problem.constraints import Where
+from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
 from ocp.solution.figure import Figure
@@ -70,6 +70,7 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
         constraint
         for constraint in problem.subject_to
         if constraint.where is Where.ALONG
+        and len(single_symbols(constraint, system)) < constraint.expression.numel()
         and not ca.depends_on(constraint.expression, system.u)
         and any(ca.which_depends(constraint.expression, system.x, 2, True))
     ]

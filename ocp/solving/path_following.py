@@ -54,15 +54,18 @@ def follow(problem: Problem, path: Array, duration: float, layers: list[Array], 
     if system.t is not None:
         x[:, system.clock] = path[0, system.clock] + share * duration
     function, still = slopes(system), np.clip(np.zeros(system.u.numel()), *problem.limits(Where.ALONG, system.u))
-    speeds = np.nan_to_num(evaluate(function, x, still, p)[0][[0, -1]])
-    if layers:
+    begun = evaluate(function, x, still, p)
+    at_x: tuple[Array, ...] | None = begun  # rates and their slopes at the states x
+    speeds = np.nan_to_num(begun[0][[0, -1]])
+    if layers and np.any(speeds[:, layers[-1]]):
         x[:, layers[-1]] = _drifted(x[:, layers[-1]], (speeds[0, layers[-1]], speeds[1, layers[-1]]), duration)
-    here: tuple[Array, Array] | None = None  # rates and their slopes by the controls at the states x
+        at_x = None
     for known, wanted in zip(reversed(layers[1:]), reversed(layers[:-1]), strict=True):
         rates = np.gradient(x[:, known], share * duration, axis=0, edge_order=2)
         for _ in range(ITERATIONS):
-            f, slope, by_u = evaluate(function, x, still, p)
-            here, short = (f, by_u), rates - f[:, known]
+            at_x = evaluate(function, x, still, p) if at_x is None else at_x
+            f, slope, _ = at_x
+            short = rates - f[:, known]
             size = np.max(np.abs(rates), axis=0) + np.max(np.abs(f[:, known]), axis=0)
             # Differences of constant states are rounding errors.
             if not np.any(np.abs(short) > CLOSE * (size + 1e-3 * np.max(np.abs(x[:, known]), axis=0) / duration)):
@@ -72,12 +75,10 @@ def follow(problem: Problem, path: Array, duration: float, layers: list[Array], 
             if not (np.all(np.isfinite(short)) and np.all(np.isfinite(blocks))):
                 break
             x[:, wanted] += _least_squares(blocks, short)
-            here = None
+            at_x = None
     rates = np.gradient(x, share * duration, axis=0, edge_order=2)
-    if here is None:
-        f, _, by_u = evaluate(function, x, still, p)
-        here = f, by_u
-    return Guess(share, x, balance(problem, rates, *here), duration, np.zeros(0))
+    f, _, by_u = evaluate(function, x, still, p) if at_x is None else at_x
+    return Guess(share, x, balance(problem, rates, f, by_u), duration, np.zeros(0))
 
 
 def balance(problem: Problem, rates: Array, f: Array, by_u: Array) -> Array:
