@@ -67,11 +67,11 @@ class Counterbalance:
         arm, mass, stiffness = ca.sparsify(ca.SX(ca.vertcat(*fields["at"]))), fields["mass"], fields["stiffness"]
         point = body.centre + body.orientation @ arm
         own = Terms(symbols=fields.symbols, nominal=fields.nominal)
-        if machine.recursion is not None and (isinstance(mass, ca.SX) or mass > 0.0):
+        if isinstance(mass, ca.SX) or mass > 0.0:
             own += Terms(loads=(Load("counterweight", mass, arm, ca.SX(3, 3), body.name),))
-        elif isinstance(mass, ca.SX) or mass > 0.0:
-            metric = ca.sparsify(mass * point_metric(point, body.orientation, machine.q))
-            own += Terms(metric=metric, bodies=(Body("counterweight", mass, point, body.orientation, ca.SX(3, 3)),))
+            if machine.recursion is None:
+                metric = ca.sparsify(mass * point_metric(point, body.orientation, machine.q))
+                own += Terms(metric=metric, bodies=(Body("counterweight", mass, point, body.orientation, ca.SX(3, 3)),))
         if isinstance(stiffness, ca.SX) or stiffness > 0.0:
             spring_vector = simplified(column.T @ point, machine.q) - ca.vertcat(*fields["anchor"])
             squared, free = ca.sumsqr(spring_vector), fields["free_length"]

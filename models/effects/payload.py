@@ -27,8 +27,8 @@ class Payload:
     body of the machine, its origin is the tool point: axis 3 along the arm of the sphere, axis 2 along that of the
     cylinder, axis 1 along the last link of the torus; a machine of links has tool axes of its own.
 
-    Adds the metric of the load (on a machine of links: to the inertia of the last link), and a mass; no states, no
-    controls, the parameters `payload.mass`, `payload.offset_1`, `payload.inertia_1`, ... if they are Parameters.
+    Adds the inertia of the load to that of the last link, or its metric where that is shorter, and a mass; no states,
+    no controls, the parameters `payload.mass`, `payload.offset_1`, `payload.inertia_1`, ... if they are Parameters.
 
     Args:
         mass: m >= 0 [kg].
@@ -71,8 +71,8 @@ class Payload:
         fields = read_fields(self)
         mass, axes = fields["mass"], machine.tool_orientation
         offset, inertia = ca.sparsify(ca.SX(ca.vertcat(*fields["offset"]))), ca.sparsify(_tensor(fields["inertia"]))
+        own = Load("payload", mass, offset, inertia)
         if machine.recursion is not None:
-            own = Load("payload", mass, offset, inertia)
             return Terms(loads=(own,), symbols=fields.symbols, nominal=fields.nominal)
         centre, metric = machine.tool, mass * machine.tool_metric
         if offset.nnz():
@@ -81,7 +81,11 @@ class Payload:
         if inertia.nnz():
             metric = metric + turning_metric(axes, inertia, machine.q)
         load = Body("payload", mass, centre, axes, inertia)
-        return Terms(metric=ca.sparsify(metric), bodies=(load,), symbols=fields.symbols, nominal=fields.nominal)
+        nothing = isinstance(mass, float) and mass == 0.0 and not inertia.nnz()
+        loads = () if nothing else (own,)
+        return Terms(
+            metric=ca.sparsify(metric), bodies=(load,), loads=loads, symbols=fields.symbols, nominal=fields.nominal
+        )
 
 
 def _tensor(entries: Sequence[Entry]) -> ca.SX:

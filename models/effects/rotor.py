@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from models.effects.effect_fields import Each, quantity, read_fields
+from models.effects.effect_fields import Each, Fields, quantity, read_fields
 from models.machines.manipulator import Manipulator
 from models.mechanics.contributions import ROTOR, Sizes
 from models.mechanics.terms import Terms
@@ -19,8 +19,9 @@ from ocp import checks
 class RotorInertia:
     """Rotors that turn with the joints through gears, T = 1/2 sum_k J_k W_k^2 with W = N C v.
 
-    Reflected to the joints that is the metric (N C)' J (N C): diag(N_k^2 J_k) without coupling. The rotation of the
-    rotors with the links that carry them is neglected, which is right to 1 / N; their mass belongs to the links.
+    Reflected to the joints that is the metric (N C)' J (N C): diag(N_k^2 J_k) without coupling. Unless they are
+    `carried`, the rotation of the rotors with the links that carry them is neglected, which is right to 1 / N; their
+    mass, and their inertia while they do not turn, belong to the links.
 
     Adds a metric; no states, no controls, the parameters `rotor_inertia.inertia`, `rotor_inertia.ratio`
     (`..._1` ...) if they are Parameters.
@@ -30,9 +31,12 @@ class RotorInertia:
         ratio: N, rotor speed over joint speed; rad of the rotor for a rad or for a metre of the joint [rad/rad or
             rad/m].
         coupling: (n, n) matrix C, numbers, by which gears drive several joints; None is none (the identity) [1].
+        carried: whether a rotor, parallel to the axis of its joint, turns with the link before as well, one for all
+            drives or one for each; this adds N J (axis . omega) v with the angular velocity omega of that link.
 
     Raises:
-        ValueError: a value is no finite number in its range, or the coupling is no finite square matrix.
+        ValueError: a value is no finite number in its range, the coupling is no finite square matrix, or given together
+            with `carried`.
 
     Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987),
         assumption A2.
@@ -41,6 +45,7 @@ class RotorInertia:
     inertia: Each = quantity("kg m^2", at_least=0.0)
     ratio: Each = quantity("rad/rad or rad/m", 100.0)
     coupling: Sequence[Sequence[float]] | None = field(default=None, metadata={"unit": "rad/rad or m/m"})
+    carried: bool | Sequence[bool] = False
 
     def __post_init__(self) -> None:
         read_fields(self, "inertia", "ratio")
@@ -49,6 +54,10 @@ class RotorInertia:
             matrix = checks.numbers("rotor_inertia.coupling", self.coupling, wanted)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
                 raise checks.refused("rotor_inertia.coupling", self.coupling, wanted)
+        for one in self.carried if isinstance(self.carried, list | tuple) else (self.carried,):
+            checks.truth("rotor_inertia.carried", one)
+        if self.carried and self.coupling is not None:
+            raise ValueError("rotor_inertia.carried: given together with a coupling; give one of them")
 
     @classmethod
     def typical(cls, sizes: Sizes) -> RotorInertia:
@@ -69,7 +78,23 @@ class RotorInertia:
         ]
         gears = ca.sparsify(ca.SX(ca.DM(coupling)))
         metric = gears.T @ ca.sparsify(ca.diag(ca.vertcat(*map(ca.SX, reflected)))) @ gears
-        return Terms(
-            metric=ca.sparsify(metric), symbols=fields.symbols, nominal=fields.nominal,
-            defines={"rotors": fields.prefix},
-        )  # fmt: skip
+        own = Terms(symbols=fields.symbols, nominal=fields.nominal, defines={"rotors": fields.prefix})
+        spins = self._spins(fields, machine)
+        if spins is not None and machine.recursion is None:
+            if machine.chain is None:
+                raise ValueError(f"rotor_inertia.carried: {machine.name} does not say which link carries which joint")
+            turning = machine.chain.turning([c.name for c in machine.coordinates], machine.q)
+            pull = ca.sparsify(ca.diag(spins)) @ turning
+            metric = metric + pull + pull.T
+        return own + Terms(metric=ca.sparsify(metric), spins=spins)
+
+    def _spins(self, fields: Fields, machine: Manipulator) -> ca.SX | None:
+        """Return N J (n,) of the rotors that links carry; None if there are none."""
+        n = machine.q.numel()
+        carried = tuple(self.carried) if isinstance(self.carried, list | tuple) else (self.carried,) * n
+        if len(carried) != n:
+            raise ValueError(f"rotor_inertia.carried: got {len(carried)} values, {machine.name} has {n} drives")
+        pairs = zip(carried, fields.each("inertia", machine), fields.each("ratio", machine), strict=True)
+        entries = [ratio * inertia if one and inertia is not None and ratio is not None else 0.0
+                   for one, inertia, ratio in pairs]  # fmt: skip
+        return ca.sparsify(ca.vertcat(*map(ca.SX, entries))) if any(carried) else None

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from models.forms.loaded_equations import canonical_by_links, with_links
 from models.forms.state_space import Equations, as_system, symbols
 from models.forms.tree_equations import by_recursion, canonical_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, Partials, assemble, momentum_rate
+from models.mechanics.mechanics import Mechanics, assemble, momentum_rate
+from models.mechanics.partials import Partials
 from models.mechanics.terms import Effect
 from ocp.system import System
 
@@ -40,6 +42,7 @@ def canonical(machine: Manipulator, effects: Sequence[Effect] = (), frame: str |
         p = symbols("p", basis.q.numel())
         w = factorise(basis.metric).solve(p)
         rate = momentum_rate(mechanics, basis, w, p, Partials.of(basis))
-        return Equations(basis, p, w, basis.inverse @ w, rate)
+        closed = Equations(basis, p, w, basis.inverse @ w, rate)
+        return with_links(mechanics, closed, canonical_by_links(mechanics, basis, p))
 
     return as_system(assemble(machine, effects), equations)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from models.forms.loaded_equations import hamel_by_links, with_links
 from models.forms.state_space import Equations, as_system, symbols
 from models.forms.tree_equations import by_recursion, hamel_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, Partials, assemble, momentum_rate
+from models.mechanics.mechanics import Mechanics, assemble, momentum_rate
+from models.mechanics.partials import Partials
 from models.mechanics.terms import Effect
 from ocp.system import System
 
@@ -41,6 +43,7 @@ def hamel(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | Fra
         v = basis.inverse @ w
         partials = Partials.of(basis)
         moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
-        return Equations(basis, w, w, v, factorise(basis.metric).solve(moved))
+        closed = Equations(basis, w, w, v, factorise(basis.metric).solve(moved))
+        return with_links(mechanics, closed, hamel_by_links(mechanics, basis, w))
 
     return as_system(assemble(machine, effects), equations)

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from models.forms.loaded_equations import lagrange_by_links, with_links
 from models.forms.state_space import Equations, as_system
 from models.forms.tree_equations import by_recursion, lagrange_equations
 from models.machines.factorisation import factorise
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, Partials, assemble, momentum_rate
+from models.mechanics.mechanics import Mechanics, assemble, momentum_rate
+from models.mechanics.partials import Partials
 from models.mechanics.terms import Effect
 from ocp.system import System
 
@@ -45,6 +47,7 @@ def lagrange(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | 
         moved = momentum_rate(mechanics, basis, w, basis.metric @ w, partials) - partials.metric_rate(v, w)
         w_rate = factorise(basis.metric).solve(moved)
         turning = ca.jtimes(w, basis.q, v)  # (dF/dt) v
-        return Equations(basis, v, w, v, basis.inverse @ (w_rate - turning))
+        closed = Equations(basis, v, w, v, basis.inverse @ (w_rate - turning))
+        return with_links(mechanics, closed, lagrange_by_links(mechanics, basis))
 
     return as_system(assemble(machine, effects), equations)

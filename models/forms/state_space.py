@@ -81,7 +81,8 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
     if mechanics.recursion is None:
         singular = singularities(machine, frame, mechanics.frame(None), nominal)
-        notes = coupling(mechanics, frame, form, ca.Function("rate", [x, u, p], [rate]).n_instructions())
+        count = ca.Function("rate", [x, u, p], [rate]).n_instructions()
+        notes = coupling(mechanics, frame, form, count, equations.notes)
     else:
         singular = vanishing_inertia(machine, mechanics.recursion.pivots, nominal)
         notes = (*machine.notes, *equations.notes)
@@ -197,14 +198,16 @@ def _of_every_machine(mechanics: Mechanics, kinetic: ca.SX, symbol: ca.SX) -> di
     return results
 
 
-def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tuple[str, ...]:
+def coupling(
+    mechanics: Mechanics, frame: Frame, form: Form, count: int, built: tuple[str, ...] = ()
+) -> tuple[str, ...]:
     """Return a note on the off-diagonal entries of the metric in the frame, or none if it is diagonal.
 
     The note names the effects that cause them, each with its instruction count: that of the rate with all effects,
-    `count`, minus that of the rate without this one.
+    `count`, minus that of the rate without this one. It ends with how the equations were `built`.
     """
     if frame.diagonal:
-        return ()
+        return built
     n = frame.q.numel()
     pairs = ", ".join(f"({j + 1}, {i + 1})" for i in range(n) for j in range(i) if frame.metric.has_nz(i, j))
     own = without_negligible(frame.inverse.T @ mechanics.machine.metric @ frame.inverse, frame.q)
@@ -222,7 +225,7 @@ def coupling(mechanics: Mechanics, frame: Frame, form: Form, count: int) -> tupl
     by = " and ".join(culprits)
     return (
         f"the metric is not diagonal in the frame {frame.name!r}: the quasi-velocities {pairs} are coupled by {by}; "
-        "it is factorised as L D L' instead of divided by its diagonal",
+        + ("; ".join(built) or "it is factorised as L D L' instead of divided by its diagonal"),
     )
 
 

@@ -91,5 +91,5 @@ class Recursion(Protocol):
     def loaded(self, loads: Sequence[Load]) -> Recursion:
         """Return the recursion of the machine with loads fixed to it."""
 
-    def with_rotors(self, metric: ca.SX) -> Recursion:
-        """Return the recursion with rotors, a constant (n, n) added to the metric."""
+    def with_rotors(self, metric: ca.SX, spins: ca.SX | None = None) -> Recursion:
+        """Return the recursion with rotors: a constant (n, n) added to the metric, and N J (n,) of those carried."""

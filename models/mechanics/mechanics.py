@@ -8,10 +8,12 @@ from functools import cached_property
 
 import casadi as ca
 
-from models.machines.frames import Frame, curl, fixed, partial_derivative
-from models.machines.manipulator import Manipulator
+from models.machines.frames import Frame, curl, fixed
+from models.machines.manipulator import Body, Manipulator
 from models.machines.recursion import Recursion
+from models.mechanics.partials import Partials, inertial
 from models.mechanics.terms import OF_MOTION, Effect, Part, Quantity, Terms, gather
+from models.rigid_bodies.segment_recursion import recursion_of
 from ocp import checks
 
 
@@ -30,10 +32,10 @@ class Mechanics:
     @property
     def metric(self) -> ca.SX:
         """(n, n) metric g(q) in coordinates, that of the effects included."""
-        recursion = self.machine.recursion
+        recursion, terms, n = self.machine.recursion, self.terms, self.machine.q.numel()
         own = self.machine.metric
-        if recursion is not None and self.terms.loads:
-            own = recursion.loaded(self.terms.loads).metric
+        if recursion is not None and (terms.loads or terms.spins is not None):
+            own = recursion.loaded(terms.loads).with_rotors(ca.SX(n, n), terms.spins).metric
         return own if self.terms.metric is None else own + self.terms.metric
 
     @cached_property
@@ -47,7 +49,29 @@ class Mechanics:
             return None
         n = self.machine.q.numel()
         rotors = ca.SX(n, n) if terms.metric is None else ca.sparsify(terms.metric)
-        return own.loaded(terms.loads).with_rotors(rotors)
+        return own.loaded(terms.loads).with_rotors(rotors, terms.spins)
+
+    @cached_property
+    def links(self) -> Recursion | None:
+        """Recursion over the links of a machine with a metric in closed form, with the loads that effects fix to them.
+
+        None without loads, and if another effect adds a metric that depends on q.
+        """
+        if self.machine.chain is None or not self.terms.loads:
+            return None
+        n = self.machine.q.numel()
+        others = (part.terms.metric for part in self.parts if not part.terms.loads)
+        rotors = sum((metric for metric in others if metric is not None), ca.SX(n, n))
+        if ca.depends_on(rotors, self.machine.q):
+            return None
+        own = recursion_of(self.machine)
+        return None if own is None else own.loaded(self.terms.loads).with_rotors(ca.sparsify(rotors))
+
+    @property
+    def gradient_beside_links(self) -> ca.SX:
+        """(n,) gradient of the potential energy that is not the weight of the links and loads of `links`."""
+        bodies = [body for part in self.parts if not part.terms.loads for body in part.terms.bodies]
+        return self._slope(self._weighed(self.terms.potential, bodies))
 
     @cached_property
     def potential_gradient(self) -> ca.SX:
@@ -64,10 +88,16 @@ class Mechanics:
     @property
     def other_potential_gradient(self) -> ca.SX:
         """(n,) gradient of the potential energy that is not the weight of links and loads."""
-        total, q = self.terms.potential, self.machine.q
-        for body in self.terms.bodies:
-            total = total + body.mass * ca.dot(-self.field, body.centre)
-        return ca.gradient(total, q) if ca.depends_on(total, q) else ca.SX(*q.shape)
+        return self._slope(self._weighed(self.terms.potential, self.terms.bodies))
+
+    def _weighed(self, potential: ca.SX, bodies: Sequence[Body]) -> ca.SX:
+        for body in bodies:
+            potential = potential + body.mass * ca.dot(-self.field, body.centre)
+        return potential
+
+    def _slope(self, potential: ca.SX) -> ca.SX:
+        q = self.machine.q
+        return ca.gradient(potential, q) if ca.depends_on(potential, q) else ca.SX(*q.shape)
 
     def inverse_dynamics(self, a: ca.SX) -> ca.SX:
         """Return the forces (n,) on the joints for accelerations a (n,), those of effects not subtracted."""
@@ -178,8 +208,7 @@ class Mechanics:
             if recursion is not None:
                 total = total + recursion.loaded(self.terms.loads).potential(self.terms.acceleration)
                 bodies = self.terms.bodies
-            for body in bodies:
-                total = total + body.mass * ca.dot(-self.terms.acceleration, body.centre)
+            total = self._weighed(total, bodies)
         return total
 
     def at_rest(self) -> list[ca.SX]:
@@ -209,36 +238,9 @@ class Mechanics:
 
     def _added(self) -> ca.SX:
         n = self.machine.q.numel()
-        if self.terms.loads:
+        if self.machine.recursion is not None and (self.terms.loads or self.terms.spins is not None):
             return self.metric - self.machine.metric
         return ca.SX(n, n) if self.terms.metric is None else self.terms.metric
-
-
-@dataclass(frozen=True, eq=False)
-class Partials:
-    """Derivatives d g'_ab / d q_i of a frame metric, formed once so that both sums share their sub-expressions."""
-
-    by_coordinate: tuple[ca.SX, ...]  # n matrices (n, n)
-
-    @classmethod
-    def of(cls, frame: Frame) -> Partials:
-        """Differentiate the metric of a frame."""
-        metric = ca.cse(frame.metric)
-        return cls(tuple(partial_derivative(metric, qi) for qi in ca.vertsplit(frame.q)))
-
-    def kinetic_gradient(self, w: ca.SX) -> ca.SX:
-        """Return 1/2 w_a w_b d_i g'_ab, shape (n,)."""
-        return ca.vertcat(*(ca.dot(w, partial @ w) / 2 for partial in self.by_coordinate))
-
-    def metric_rate(self, v: ca.SX, w: ca.SX) -> ca.SX:
-        """Return (dg'/dt) w, shape (n,)."""
-        return sum((partial @ w * v[i] for i, partial in enumerate(self.by_coordinate)), ca.SX(*w.shape))
-
-
-def inertial(metric: ca.SX, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
-    """Return g(q) a + Gamma(q)(v, v), shape (n,), of a metric g."""
-    momentum = metric @ v
-    return metric @ a + ca.jtimes(momentum, q, v) - ca.gradient(ca.dot(v, momentum) / 2, q)
 
 
 def assemble(machine: Manipulator, effects: Sequence[Effect]) -> Mechanics:

@@ -90,7 +90,12 @@ class Terms:
     potential: ca.SX = field(default_factory=lambda: ca.SX(0))  # U(q) [J]
     acceleration: ca.SX | None = None  # (3,) of a homogeneous field that acts on every mass [m/s^2]
     bodies: tuple[Body, ...] = ()  # attached by the effect; their inertia is part of `metric`
-    loads: tuple[Load, ...] = ()  # rigid bodies fixed to a machine of links (`machine.recursion`), not in `metric`
+    # Rigid bodies fixed to links; on a machine of links not in `metric`, on others in `metric` and `bodies` as well,
+    # and nothing else is.
+    loads: tuple[Load, ...] = ()
+    # (n,) N J of rotors, parallel to the axes of their joints, that turn with the link before: they add N J (axis .
+    # omega) v to the kinetic energy; on a machine of links not in `metric` [kg m^2 or kg m].
+    spins: ca.SX | None = None
     force: ca.SX | None = None  # (n,) generalised force beside the drives, along +q [N m or N]
     states: Mapping[str, State] = field(default_factory=dict)
     signals: Mapping[str, Quantity] = field(default_factory=dict)
@@ -117,6 +122,7 @@ class Terms:
             acceleration=_sum(self.acceleration, other.acceleration),
             bodies=self.bodies + other.bodies,
             loads=self.loads + other.loads,
+            spins=_sum(self.spins, other.spins),
             force=_sum(self.force, other.force),
             states=_union("state", self.states, other.states),
             signals=_union("signal", self.signals, other.signals),

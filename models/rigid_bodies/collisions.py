@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -11,13 +11,16 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.machines.shapes import Shape
 from models.rigid_bodies.joint import Capsule
+from models.rigid_bodies.region_distances import grown, segment_distance, share_of, signed_distance, squared
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Constraint, along
-from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, Region, outside
+from ocp.problem.regions import Region, outside
 
 COVER = 0.02  # spheres along a capsule stick out by at most this [m]
+OVERLAPS = 0.3  # share of random positions at which bodies that overlap by construction touch
+MARGIN = 1e-3  # kept at the nodes beyond the clearance, for what lies between them [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +56,34 @@ def body_capsule(machine: Manipulator, body: str, capsule: Capsule) -> Shape:
     return Shape(body, start, end, float(capsule.radius), length)
 
 
+def skeleton_shapes(machine: Manipulator, radius: float) -> tuple[Shape, ...]:
+    """Return a capsule along every line of the skeleton of a machine, for `with_shapes`, where none are published.
+
+    Args:
+        machine: such as spherical().
+        radius: > 0 [m].
+    """
+    checks.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
+    thick = checks.number("radius", radius, "a radius > 0 in m", above=0.0)
+    corners, shapes = ca.densify(machine.skeleton), list[Shape]()
+    for k in range(corners.shape[1] - 1):
+        start, end = corners[:, k], corners[:, k + 1]
+        if not (end - start).is_zero():
+            shapes.append(Shape(f"line {k + 1}", start, end, thick, _longest(machine, start, end)))
+    return tuple(shapes)
+
+
+def _longest(machine: Manipulator, start: ca.SX, end: ca.SX) -> float:
+    """Return the length of a line at many positions of a machine at most, for lines that a joint extends [m]."""
+    symbols = ca.vertcat(machine.q, *machine.symbols.values())
+    low, high = machine.limits.get("q", ((-np.inf,) * machine.q.numel(), (np.inf,) * machine.q.numel()))
+    lower, upper = (np.where(np.isfinite(side), side, own) for side, own in ((low, -2.0), (high, 2.0)))
+    q = np.random.default_rng(1).uniform(lower, upper, (64, len(low)))
+    values = np.hstack([q, np.tile([machine.nominal[name] for name in machine.symbols], (64, 1))])
+    function = ca.Function("length", [symbols], [ca.norm_2(end - start)])
+    return float(np.max(evaluate(function, values)[0]))
+
+
 def with_shapes(machine: Manipulator, shapes: Sequence[Shape]) -> Manipulator:
     """Return the machine with capsules of `body_capsule` beside those that it has."""
     return replace(machine, shapes=(*machine.shapes, *checks.several("shapes", shapes, "a list of Shapes")))
@@ -65,18 +96,22 @@ def keep_clear(
     pairs: Sequence[tuple[str, str]] = (),
     floor: float | None = None,
     clearance: float = 0.0,
+    margin: float = MARGIN,
 ) -> tuple[Constraint, ...]:
     """Return path constraints that keep the capsules of a machine clear of obstacles, of a floor and of each other.
 
-    Every capsule is covered by spheres that stick out by at most 2 cm; obstacles are enlarged by their radius. The
-    constraints hold at the points of the grid; `least_clearance` measures a solution between them, in metres.
+    Every capsule is covered by spheres that stick out by at most 2 cm; obstacles are enlarged by their radius. At the
+    nodes the motion keeps the clearance and a margin; where it uses up more than the margin between them, `solve`
+    refines the grid, so that the clearance holds everywhere (its message says so, or that it did not succeed).
+    `least_clearance` measures a motion in metres.
 
     Args:
         machine: with capsules (of its Links, of a URDF file, or by `with_shapes`), the one that the system is made of.
         obstacles: Ball, Box, Cylinder or HalfSpace, for all capsules but those of the first body.
         pairs: names of two bodies that must not touch.
         floor: height below which no capsule but those of the first body may be [m].
-        clearance: distance that is kept >= 0 [m].
+        clearance: distance that is kept along the whole motion >= 0 [m].
+        margin: additional distance at the nodes > 0; a smaller one needs more elements, a larger one costs way [m].
 
     Raises:
         ValueError: the machine has no capsules, or a pair has a body without one.
@@ -85,26 +120,61 @@ def keep_clear(
     distance = checks.number("clearance", clearance, "a distance >= 0 in m")
     if distance < 0.0:
         raise checks.refused("clearance", clearance, "a distance >= 0 in m")
+    spare = checks.number("margin", margin, "a distance > 0 in m", above=0.0)
+    distance += spare
     moving = [sphere for sphere in spheres if sphere.body != machine.bodies[0].name] or list(spheres)
     result: list[Constraint] = []
     for region in checks.several("obstacles", obstacles, "a list of regions such as Ball(...)"):
-        result += [outside(_grown(region, sphere.radius + distance), sphere.centre) for sphere in moving]
+        for sphere in moving:
+            wide = grown(region, sphere.radius + distance)
+            result.append(replace(outside(wide, sphere.centre), between=share_of(wide, spare)))
     if floor is not None:
         height = checks.number("floor", floor, "a height in m")
         lowest = ca.vertcat(*(sphere.centre[2] - sphere.radius for sphere in moving))
-        result.append(along(lowest, lower=height + distance, name="height of the links above the floor"))
+        result.append(along(lowest, lower=height + distance, name="height of the links above the floor", between=spare))
     for first, second in _pairs(pairs, {sphere.body for sphere in spheres}):
+        both = [(one, other) for one in spheres if one.body == first for other in spheres if other.body == second]
+        apart = [one.radius + other.radius + distance for one, other in both]
         shares = [
-            ca.sumsqr(one.centre - other.centre) / (one.radius + other.radius + distance) ** 2
-            for one in spheres
-            if one.body == first
-            for other in spheres
-            if other.body == second
+            ca.sumsqr(one.centre - other.centre) / least**2 for (one, other), least in zip(both, apart, strict=True)
         ]
-        result.append(
-            along(ca.vertcat(*shares), lower=1.0, name=f"distance of {first} and {second} (1 where they touch)")
-        )
+        name = f"distance of {first} and {second} (1 where they are too near)"
+        result.append(along(ca.vertcat(*shares), lower=1.0, name=name, between=squared(spare / max(apart))))
     return tuple(result)
+
+
+def self_pairs(machine: Manipulator) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies that may touch within the limits of the joints, for `keep_clear`.
+
+    Of all pairs with capsules those that touch at some of 2000 random positions and are apart at most of them;
+    neighbours whose capsules overlap by construction are none.
+
+    Args:
+        machine: with capsules.
+    """
+    shapes, n = _shapes(machine), machine.q.numel()
+    names = list(dict.fromkeys(shape.body for shape in shapes))
+    low, high = machine.limits.get("q", ((-np.inf,) * n, (np.inf,) * n))
+    lower, upper = (np.where(np.isfinite(side), side, own) for side, own in ((low, -np.pi), (high, np.pi)))
+    q = np.random.default_rng(0).uniform(lower, upper, (2000, n))
+    ends = _ends(machine, q)
+    result = []
+    for i, first in enumerate(names):
+        for second in names[i + 1 :]:
+            apart = np.min([
+                segment_distance(ends[:, a], ends[:, b]) - shapes[a].radius - shapes[b].radius
+                for a in range(len(shapes)) if shapes[a].body == first
+                for b in range(len(shapes)) if shapes[b].body == second
+            ], axis=0)  # fmt: skip
+            if np.min(apart) < 0.0 and np.mean(apart < 0.0) < OVERLAPS:
+                result.append((first, second))
+    return tuple(result)
+
+
+def _ends(machine: Manipulator, q: Array) -> Array:
+    """Return both ends of all capsules at positions, (K, shapes, 2, 3)."""
+    points = ca.densify(ca.vertcat(*(point for shape in machine.shapes for point in (shape.start, shape.end))))
+    return np.asarray(evaluate(ca.Function("ends", [machine.q], [points]), q)[0].reshape(len(q), -1, 2, 3))
 
 
 def least_clearance(
@@ -128,8 +198,7 @@ def least_clearance(
     shapes = _shapes(machine)
     moving = [shape for shape in shapes if shape.body != machine.bodies[0].name] or list(shapes)
     points = np.atleast_2d(checks.numbers("q", q, "positions (K, n)"))
-    ends = ca.Function("ends", [machine.q], [ca.densify(ca.vertcat(*(p for s in shapes for p in (s.start, s.end))))])
-    lines = evaluate(ends, points)[0].reshape(len(points), len(shapes), 2, 3)
+    lines = _ends(machine, points)
     share = np.linspace(0.0, 1.0, 41)[:, None]
     along_it = {
         id(shape): lines[:, k, None, 0] + share * (lines[:, k, None, 1] - lines[:, k, None, 0])
@@ -137,7 +206,7 @@ def least_clearance(
     }
     result: dict[str, float] = {}
     for number, region in enumerate(obstacles, 1):
-        signed = _distance(region)
+        signed = signed_distance(region)
         result[f"{type(region).__name__}_{number}"] = min(
             float(np.min(signed(along_it[id(shape)].reshape(-1, 3)))) - shape.radius for shape in moving
         )
@@ -145,7 +214,9 @@ def least_clearance(
         result["floor"] = min(float(np.min(along_it[id(s)][..., 2])) - s.radius for s in moving) - floor
     for first, second in _pairs(pairs, {shape.body for shape in shapes}):
         result[f"{first}, {second}"] = min(
-            float(np.min(_segments(*(along_it[id(s)][:, (0, -1)] for s in (one, other))))) - one.radius - other.radius
+            float(np.min(segment_distance(*(along_it[id(s)][:, (0, -1)] for s in (one, other)))))
+            - one.radius
+            - other.radius
             for one in shapes
             if one.body == first
             for other in shapes
@@ -183,62 +254,3 @@ def _pairs(pairs: Sequence[tuple[str, str]], bodies: set[str]) -> list[tuple[str
                 f"pairs: got {checks.shown(pair)}, expected two bodies with capsules of {', '.join(sorted(bodies))}"
             )
     return [(str(first), str(second)) for first, second in given]
-
-
-def _grown(region: Region, by: float) -> Region:
-    """Return a region with everything within a distance of it (a box and a cylinder keep their sharp edges)."""
-    if isinstance(region, Ball):
-        return Ball(region.centre, region.radius + by)
-    if isinstance(region, Box):
-        lower, upper = (np.array(side, dtype=float) for side in (region.lower, region.upper))
-        return Box(tuple(lower - by), tuple(upper + by))
-    if isinstance(region, Cylinder):
-        return Cylinder(region.centre, region.axis, region.radius + by, region.length + 2.0 * by)
-    if isinstance(region, HalfSpace):
-        normal = np.array(region.normal, dtype=float)
-        return HalfSpace(tuple(np.array(region.point) + by * normal / np.linalg.norm(normal)), region.normal)
-    raise TypeError(f"obstacles: got {checks.shown(region)}, expected a Ball, Box, Cylinder or HalfSpace")
-
-
-def _distance(region: Region) -> Callable[[Array], Array]:
-    """Return the signed distance (K,) of points (K, 3) from a region [m]."""
-    if isinstance(region, Ball):
-        return lambda points: np.asarray(np.linalg.norm(points - np.array(region.centre), axis=1) - region.radius)
-    if isinstance(region, HalfSpace):
-        normal = np.array(region.normal, dtype=float) / np.linalg.norm(region.normal)
-        return lambda points: np.asarray((points - np.array(region.point)) @ normal)
-    if isinstance(region, Box):
-        low, high = np.array(region.lower, dtype=float), np.array(region.upper, dtype=float)
-        return lambda points: _of_box(np.abs(points - (low + high) / 2.0) - (high - low) / 2.0)
-    if isinstance(region, Cylinder):
-        axis = np.array(region.axis, dtype=float) / np.linalg.norm(region.axis)
-
-        def from_cylinder(points: Array) -> Array:
-            apart = points - np.array(region.centre)
-            height = apart @ axis
-            across = np.linalg.norm(apart - height[:, None] * axis, axis=1) - region.radius
-            beyond = np.abs(height) - region.length / 2.0
-            return across if np.isinf(region.length) else _of_box(np.stack([across, beyond], axis=1))
-
-        return from_cylinder
-    raise TypeError(f"obstacles: got {checks.shown(region)}, expected a Ball, Box, Cylinder or HalfSpace")
-
-
-def _of_box(beyond: Array) -> Array:
-    outside_of_it = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    return np.asarray(outside_of_it + np.minimum(np.max(beyond, axis=1), 0.0))
-
-
-def _segments(one: Array, other: Array) -> Array:
-    """Return the least distances (K,) of two straight lines with ends, (K, 2, 3) each."""
-    a, b = one[:, 1] - one[:, 0], other[:, 1] - other[:, 0]
-    between = one[:, 0] - other[:, 0]
-    aa, bb, ab = (np.sum(x * y, axis=1) for x, y in ((a, a), (b, b), (a, b)))
-    ad, bd = np.sum(a * between, axis=1), np.sum(b * between, axis=1)
-    tiny = 1e-300
-    s = np.clip((ab * bd - bb * ad) / np.maximum(aa * bb - ab**2, tiny), 0.0, 1.0)
-    # Alternate projections end in the nearest points of two segments.
-    for _ in range(3):
-        t = np.clip((ab * s + bd) / np.maximum(bb, tiny), 0.0, 1.0)
-        s = np.clip((ab * t - ad) / np.maximum(aa, tiny), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(between + s[:, None] * a - t[:, None] * b, axis=1))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Value
 from models.rigid_bodies.builders import serial
-from models.rigid_bodies.joint import Joint, Kind, Link
+from models.rigid_bodies.joint import Capsule, Joint, Kind, Link
+from models.rigid_bodies.robot_shapes import panda_shapes, universal_shapes
 
 HALF, QUARTER, EIGHTH = np.pi, np.pi / 2, np.pi / 4
 ZERO = (0.0, 0.0, 0.0)
@@ -19,7 +21,8 @@ UP_Y, UP_X = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)
 def arm_3r() -> Manipulator:
     """Return a plain arm of three joints: a turning column, then two parallel horizontal axes.
 
-    Links of 0.5 and 0.4 m with 8 and 4 kg. The numbers are those of no product; they are round, for teaching.
+    Links of 0.5 and 0.4 m with 8 and 4 kg, capsules of 5 cm along them. The numbers are those of no product; they are
+    round, for teaching.
     """
     limits = {"lower": -HALF, "upper": HALF, "speed": 3.0}
     return serial(
@@ -27,16 +30,20 @@ def arm_3r() -> Manipulator:
             Joint("q1", link=Link(10.0, (0.0, 0.0, 0.3), (0.2, 0.2, 0.1)), effort=60.0, **limits),  # type: ignore[arg-type]
             Joint(
                 "q2", origin=(0.0, 0.0, 0.4), rotation=(QUARTER, 0.0, 0.0),
-                link=Link(8.0, (0.25, 0.0, 0.05), (0.02, 0.2, 0.2)), effort=90.0, **limits,  # type: ignore[arg-type]
+                link=Link(8.0, (0.25, 0.0, 0.05), (0.02, 0.2, 0.2), _rod(0.5)), effort=90.0, **limits,  # type: ignore[arg-type]
             ),
             Joint(
-                "q3", origin=(0.5, 0.0, 0.0), link=Link(4.0, (0.2, 0.0, 0.0), (0.01, 0.06, 0.06)), effort=30.0,
-                **limits,  # type: ignore[arg-type]
+                "q3", origin=(0.5, 0.0, 0.0), link=Link(4.0, (0.2, 0.0, 0.0), (0.01, 0.06, 0.06), _rod(0.4)),
+                effort=30.0, **limits,  # type: ignore[arg-type]
             ),
         ],
         tool=(0.4, 0.0, 0.0),
         name="3R arm",
     )  # fmt: skip
+
+
+def _rod(length: float) -> tuple[Capsule]:
+    return (Capsule((0.0, 0.0, 0.0), (length, 0.0, 0.0), 0.05),)
 
 
 def puma560() -> Manipulator:
@@ -84,7 +91,8 @@ def puma560() -> Manipulator:
 def ur5() -> Manipulator:
     """Return the Universal Robots UR5; the tool is its flange.
 
-    Source: the package ur_description of ROS-Industrial, file ur5_robot.urdf, with the dimensions of the manufacturer.
+    Source: the package ur_description of ROS-Industrial, file ur5_robot.urdf, with the dimensions of the manufacturer;
+        capsules as `universal_shapes` says.
     """
     return _universal(
         "UR5",
@@ -99,6 +107,7 @@ def ur5() -> Manipulator:
         ),
         (150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
         (3.15, 3.15, 3.15, 3.2, 3.2, 3.2),
+        (0.06, 0.054, 0.06, 0.045, 0.045),
     )
 
 
@@ -121,12 +130,14 @@ def ur10() -> Manipulator:
         ),
         (330.0, 330.0, 150.0, 54.0, 54.0, 54.0),
         (2.16, 2.16, 3.15, 3.2, 3.2, 3.2),
+        (0.075, 0.075, 0.075, 0.075, 0.045),
     )
 
 
 def _universal(
-    name: str, lengths: Sequence[float], links: Sequence[Link], efforts: Sequence[float], speeds: Sequence[float]
-) -> Manipulator:
+    name: str, lengths: Sequence[float], links: Sequence[Link], efforts: Sequence[float], speeds: Sequence[float],
+    radii: Sequence[float],
+) -> Manipulator:  # fmt: skip
     shoulder, across, back, upper, fore, wrist1, wrist2, flange = lengths
     names = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
     origins = (
@@ -135,9 +146,11 @@ def _universal(
     )  # fmt: skip
     pitches, axes = (0.0, QUARTER, 0.0, QUARTER, 0.0, 0.0), ((0.0, 0.0, 1.0), UP_Y, UP_Y, UP_Y, (0.0, 0.0, 1.0), UP_Y)
     ends = (2 * HALF, 2 * HALF, HALF, 2 * HALF, 2 * HALF, 2 * HALF)
+    shapes = universal_shapes(lengths, radii)
     joints = [
         Joint(
-            f"{names[i]}_joint", origin=origins[i], rotation=(0.0, pitches[i], 0.0), axis=axes[i], link=links[i],
+            f"{names[i]}_joint", origin=origins[i], rotation=(0.0, pitches[i], 0.0), axis=axes[i],
+            link=replace(links[i], capsules=shapes[i]),
             lower=-ends[i], upper=ends[i], speed=speeds[i], effort=efforts[i],
         )
         for i in range(6)
@@ -150,7 +163,8 @@ def panda() -> Manipulator:
 
     Source: C. Gaz, M. Cognetti, A. Oliva, P. Robuffo Giordano, A. De Luca, Dynamic identification of the Franka Emika
         Panda robot with retrieval of feasible parameters, IEEE Robotics and Automation Letters 4 (2019); the hand and
-        the limits from the package franka_description of Franka Emika, file panda.urdf.
+        the limits from the package franka_description of Franka Emika, file panda.urdf; capsules as `panda_shapes`
+        says.
     """
     links = (
         Link(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
@@ -177,10 +191,12 @@ def panda() -> Manipulator:
     rolls = (0.0, -QUARTER, QUARTER, QUARTER, -QUARTER, QUARTER, QUARTER)
     lower = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
     upper = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
+    shapes = panda_shapes()
     joints = [
         Joint(
-            f"panda_joint{i + 1}", origin=origins[i], rotation=(rolls[i], 0.0, 0.0), link=links[i], lower=lower[i],
-            upper=upper[i], speed=2.175 if i < 4 else 2.61, effort=87.0 if i < 4 else 12.0, damping=0.003,
+            f"panda_joint{i + 1}", origin=origins[i], rotation=(rolls[i], 0.0, 0.0),
+            link=replace(links[i], capsules=shapes[i]), lower=lower[i], upper=upper[i],
+            speed=2.175 if i < 4 else 2.61, effort=87.0 if i < 4 else 12.0, damping=0.003,
         )
         for i in range(7)
     ]  # fmt: skip

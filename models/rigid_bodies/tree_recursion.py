@@ -187,14 +187,16 @@ class TreeRecursion:
             return list(self.tree.poses[1 + link].origin)
         return [div(x, inertia.mass) for x in inertia.moment]
 
-    def with_rotors(self, metric: ca.SX) -> TreeRecursion:
-        """Return the recursion with rotors of effects."""
+    def with_rotors(self, metric: ca.SX, spins: ca.SX | None = None) -> TreeRecursion:
+        """Return the recursion with rotors of effects; one that the base carries does not turn with it."""
         joints, n = list(self.tree.joints), len(self.tree.joints)
         diagonal = bool(metric.sparsity().is_subset(ca.Sparsity.diag(n)))
         coupling = None if diagonal else [entries(ca.densify(metric)[i, :].T) for i in range(n)]
         for i in range(n):
             own = entries(metric[i, i])[0] if diagonal else 0.0
             joints[i] = replace(joints[i], rotor=add(joints[i].rotor, own))
+            if spins is not None and joints[i].parent >= 0:
+                joints[i] = replace(joints[i], spin=add(joints[i].spin, *entries(spins[i])))
         return replace(self, tree=replace(self.tree, joints=tuple(joints), coupling=coupling))
 
 

@@ -120,7 +120,7 @@ def _value(field: Field[Any], parts: tuple[Label, ...], table: Table) -> object:
         raise table.error(spelled, f"stands beside {name!r}; keep one of them")
     value = table.entries[spelled]
     if unit is None and "bool" in kind:
-        return _truth(table, name)
+        return _truths(table, name) if "Sequence[bool]" in kind else _truth(table, name)
     if unit is None:  # a field of an effect of the user may state no unit
         return _texts(table, name) if "str" in kind else _numbers(table, name, value, "")
     if field.metadata.get("scalar"):
@@ -151,6 +151,13 @@ def _texts(table: Table, name: str) -> object:
     if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
         return tuple(value)
     raise table.error(name, f"got {describe(value)}, expected a text")
+
+
+def _truths(table: Table, name: str) -> bool | tuple[bool, ...]:
+    value = table.entries[name]
+    if isinstance(value, list) and value and all(isinstance(one, bool) for one in value):
+        return tuple(value)
+    return _truth(table, name)
 
 
 def _truth(table: Table, name: str) -> bool:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, assemble, inertial
+from models.mechanics.mechanics import Mechanics, assemble
+from models.mechanics.partials import inertial
 from models.mechanics.terms import Effect, Part
 from models.torques.torque_functions import clock, derivative, joint_torques, parameters
 
@@ -65,8 +66,8 @@ def _share(mechanics: Mechanics, part: Part, a: ca.SX) -> ca.SX | None:
             potential += body.mass * ca.dot(-field, body.centre)
     share = ca.gradient(potential, q) if ca.depends_on(potential, q) else ca.SX(*q.shape)
     recursion = mechanics.machine.recursion
-    if recursion is not None and terms.loads:
-        more = recursion.loaded(terms.loads)
+    if recursion is not None and (terms.loads or terms.spins is not None):
+        more = recursion.loaded(terms.loads).with_rotors(ca.SX(q.numel(), q.numel()), terms.spins)
         weight = ca.SX(3, 1) if field is None else field
         share = share + more.inverse_dynamics(v, a, weight) - recursion.inverse_dynamics(v, a, weight)
     if terms.metric is not None:

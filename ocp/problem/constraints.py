@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import casadi as ca
@@ -33,6 +33,9 @@ class Constraint:
     lower: np.ndarray  # (m,)
     upper: np.ndarray  # (m,)
     name: str = ""  # used in messages; empty: the name of the signal that the expression is
+    # Excess between the nodes, in the unit of the expression, up to which the grid of a solve is not refined; None: a
+    # thousandth of the scale of the limit. Of nonlinear limits of states along the motion.
+    between: float | None = None
 
 
 Limit = float | Sequence[float] | np.ndarray | None
@@ -58,7 +61,9 @@ def end(expression: ca.SX, lower: Limit, upper: Limit = None, name: str = "") ->
     return _at_end(Where.END, expression, lower, upper, name)
 
 
-def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "") -> Constraint:
+def along(
+    expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str = "", between: float | None = None
+) -> Constraint:
     """Constrain an expression along the whole motion.
 
     A component that is one symbol of x or u becomes a bound of unknowns, one of p makes that parameter an unknown.
@@ -67,11 +72,16 @@ def along(expression: ca.SX, lower: Limit = None, upper: Limit = None, name: str
         expression: (m,) a signal of the system, or any expression in x, u, p.
         lower, upper: (m,) or scalar; None (or infinite) for no limit.
         name: used in messages.
+        between: excess over a nonlinear limit of states between the nodes, in the unit of the expression, from which
+            `solve` refines the grid; None is a thousandth of the scale of the limit.
 
     Raises:
-        ValueError: sizes disagree, NaN, lower > upper.
+        ValueError: sizes disagree, NaN, lower > upper, between <= 0.
     """
-    return _constraint(Where.ALONG, expression, lower, upper, name)
+    made = _constraint(Where.ALONG, expression, lower, upper, name)
+    if between is None:
+        return made
+    return replace(made, between=checks.number("along: between", between, "an excess > 0, or None", above=0.0))
 
 
 def periodic(expression: ca.SX, shift: Limit = 0.0) -> Constraint:

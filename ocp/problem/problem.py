@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -133,7 +134,8 @@ class Problem:
     def __reduce__(self) -> tuple[object, ...]:
         system, cost = self.system, self.minimise
         expressions = [cost.running, cost.final, *(c.expression for c in self.subject_to)]
-        limits = [(c.where, c.lower, c.upper, c.name) for c in self.subject_to]
+        limits = [(c.where, c.lower, c.upper, c.name, *(() if c.between is None else (c.between,)))
+                  for c in self.subject_to]  # fmt: skip
         starts = not cost.initial.is_zero()
         expressions += [cost.initial] if starts else []
         function = ca.Function("problem", [system.x, system.u, system.p], expressions)
@@ -270,7 +272,7 @@ def rebuild(
     horizon: Free | Fixed,
     time: float,
     function: ca.Function,
-    limits: Sequence[tuple[Where, np.ndarray, np.ndarray, str]],
+    limits: Sequence[tuple[Any, ...]],
     starts: bool = False,
 ) -> Problem:
     """Return the Problem with the expressions of a function (x, u, p) -> (running, final, *constraints).
@@ -280,13 +282,12 @@ def rebuild(
         horizon: Free or Fixed.
         time: weight of the duration.
         function: as made by pickling a Problem.
-        limits: where, lower, upper and name of every constraint.
+        limits: where, lower, upper, name and, if it has one, the excess between the nodes of every constraint.
         starts: whether the last expression is a cost at the start.
     """
     running, final, *expressions = function.call([system.x, system.u, system.p])
     initial = expressions.pop() if starts else ca.SX(0)
     constraints = [
-        Constraint(where, expression, lower, upper, name)
-        for expression, (where, lower, upper, name) in zip(expressions, limits, strict=True)
+        Constraint(limit[0], expression, *limit[1:]) for expression, limit in zip(expressions, limits, strict=True)
     ]
     return Problem(system, horizon, Bolza(time, running, final, initial), tuple(constraints))

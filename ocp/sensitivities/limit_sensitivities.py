@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ocp.problem.constraints import Constraint, Where
+from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.sensitivities.kkt_derivatives import Direction, envelope
 from ocp.sensitivities.kkt_root import Optimum
@@ -59,7 +59,7 @@ def _with(problem: Problem, number: int, component: int, side: str, value: float
     for name, array in (("lower", lower), ("upper", upper)):
         if side in (name, "value"):
             array[component] = value
-    new = Constraint(old.where, old.expression, lower, upper, old.name)
+    new = replace(old, lower=lower, upper=upper)
     others = list(problem.subject_to)
     others[number] = new
     return replace(problem, subject_to=tuple(others))

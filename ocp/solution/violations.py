@@ -27,6 +27,8 @@ GOLDEN = (5.0**0.5 - 1.0) / 2.0
 def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> list[tuple[float, Figure]]:
     """Return for every limited component its largest excess over its limits, relative and in its unit.
 
+    What `along(..., between=)` allows between the nodes is no excess.
+
     The excess is sampled at 24 points of each element; from the largest local maxima of the samples it is maximised by
     golden sections, so that a region that is entered and left between two samples is seen. The relative excess refers
     to the scale of the limit (`ocp.solution.limit_scales`): the distance between both limits, the range of a
@@ -47,6 +49,7 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
         search = _Search(solution, limited)
         for c, label in enumerate(problem.labels(constraint)):
             amount, time, x = search.worst(c)
+            amount = max(amount - (constraint.between or 0.0), 0.0)
             figure = Figure(amount, label.unit, f"{constraint.where.value} limit", label.name, time)
             share = amount / limit_scale(limited, c, search.range[c], x, amount) if amount > 0.0 else 0.0
             results.append((share, figure))
@@ -83,8 +86,9 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
             if not len(element) or np.max(amount) <= 0.0:
                 continue
             worst = int(np.argmax(amount))
-            most = float(amount[worst])
-            least = allowed * limit_scale(limited, c, search.range[c], x[worst], most, enough=most / allowed)
+            least, most = constraint.between, float(amount[worst])
+            if least is None:
+                least = allowed * limit_scale(limited, c, search.range[c], x[worst], most, enough=most / allowed)
             points = [(int(k), float(t)) for k, t, one in zip(element, tau, amount, strict=True) if one > least]
             if points:
                 results[problem.labels(constraint)[c].name] = points

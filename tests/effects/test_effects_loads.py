@@ -7,9 +7,9 @@ from catalogue.effect_cases import TENSOR
 from catalogue.machines import NAMES, VERTICAL, evaluate, machine, relative, states
 
 from models import Parameter, cylindrical, inverse_dynamics, spherical, torus
-from models.effects import Counterbalance, Gravity, Payload, ToolForce
-from models.forms import canonical, lagrange
-from models.mechanics.mechanics import assemble
+from models.effects import Counterbalance, Gravity, Payload, RotorInertia, Terms, ToolForce, Viscous
+from models.forms import canonical, hamel, lagrange
+from models.mechanics.mechanics import Mechanics, assemble
 from ocp import simulate
 
 G = 9.81
@@ -75,7 +75,56 @@ def test_point_loads_keep_the_short_form_of_cylinder_and_sphere(name):
     assert ("payload" in " ".join(system.notes)) == (not assemble(arm, [Payload(5.0)]).frame(None).diagonal)
     # A load on the axis of the arm that turns about it keeps it as well.
     if name == "sphere":
-        assert canonical(arm, [Payload(5.0, (0, 0, 0.1), (0.02, 0.02, 0.01))]).notes == ()
+        assert assemble(arm, [Payload(5.0, (0, 0, 0.1), (0.02, 0.02, 0.01))]).frame(None).diagonal
+
+
+def instructions(system):
+    return ca.Function("rate", [system.x, system.u, system.p], [system.rate]).n_instructions()
+
+
+# Instructions of x' = f(x, u) with a rigid load off the tool point: by recursion over the links, and from the metric.
+RIGID = {"spherical": (spherical, 188, 395), "cylindrical": (cylindrical, 49, 61), "torus": (torus, 164, 296)}
+
+
+@pytest.mark.parametrize("name", RIGID)
+def test_a_load_costs_no_more_than_the_inertia_of_a_link(name):
+    make, most, before = RIGID[name]
+    loaded = canonical(make(), [Payload(5.0, (0.1, 0.05, 0.1), (0.1, 0.1, 0.1))])
+    assert instructions(loaded) <= most < before
+    assert f"instructions; the metric would take {before}" in " ".join(loaded.notes) or before - most < 20
+    # An effect that adds a metric of its own leaves the recursion no place.
+    bent = lambda arm, so_far: Terms(metric=ca.diag(arm.q**2))  # noqa: E731
+    assert "built by" not in " ".join(canonical(make(), [Payload(5.0, (0.1, 0.0, 0.1)), bent]).notes)
+
+
+def check_links(name, forms, effects, monkeypatch):
+    arm = machine(name)
+    short = [form(arm, effects) for form in forms]
+    monkeypatch.setattr(Mechanics, "links", None)
+    for one, form in zip(short, forms, strict=True):
+        other = form(arm, effects)
+        assert "built by" not in " ".join(other.notes)
+        assert "built by" in " ".join(one.notes) or "cylinder" in name
+        rng = np.random.default_rng(5)
+        x, u = rng.uniform(0.3, 1.4, one.x.numel()), rng.uniform(-5, 5, one.u.numel())
+        values = [
+            np.concatenate([part.full().ravel() for part in ca.Function("f", [s.x, s.u, s.p], [s.rate, s["energy"]])
+                            (x, u, [4.0])]) for s in (one, other)
+        ]  # fmt: skip
+        assert np.max(np.abs(values[0] - values[1])) < 1e-12 * np.max(np.abs(values[1]))
+
+
+@pytest.mark.parametrize("name", ["cylinder", "sphere", "torus"])
+def test_a_load_by_recursion_moves_as_by_the_metric(name, monkeypatch):
+    check_links(name, (canonical,), [Gravity(G), Payload(Parameter(4.0), OFFSET, TENSOR)], monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cylinder_left", "sphere_general", "torus_offset", "torus_general"])
+def test_loads_by_recursion_move_as_by_the_metric(name, monkeypatch):
+    spring = Counterbalance(mass=2.0, at=(0.1, 0.0, -0.2), stiffness=50.0, anchor=(0.0, 0.0, 0.3))
+    effects = [Gravity(G), Payload(Parameter(4.0), OFFSET, TENSOR), RotorInertia(1e-4, 30.0), Viscous(0.4), spring]
+    check_links(name, (canonical, hamel, lagrange), effects, monkeypatch)
 
 
 def test_load_goes_to_none():

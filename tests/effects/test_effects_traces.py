@@ -139,7 +139,7 @@ def test_effects_are_described_by_data(kind):
         assert section in words
     for field in dataclasses.fields(kind):
         assert f"    {field.name}" in words or f", {field.name}" in words
-        if field.name not in ("body", "of", "in_tool_axes"):
+        if field.name not in ("body", "of", "in_tool_axes", "carried"):
             assert field.metadata["unit"]
 
 

@@ -6,11 +6,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from models import Joint, Kind, Link, serial, spherical
+from models import Joint, Kind, Link, cylindrical, robots, serial, spherical, torus
 from models.effects import Gravity
 from models.forms import canonical
-from models.rigid_bodies import Capsule, body_capsule, keep_clear, least_clearance, with_shapes
-from ocp import Ball, Box, Cylinder, HalfSpace, Problem, point_to_point, solve, uniform
+from models.rigid_bodies import (
+    Capsule,
+    body_capsule,
+    keep_clear,
+    least_clearance,
+    self_pairs,
+    skeleton_shapes,
+    with_shapes,
+)
+from ocp import Ball, Box, Cylinder, HalfSpace, Problem, along, point_to_point, solve, uniform, verify
 
 
 def planar():
@@ -62,8 +70,43 @@ def test_spheres_contain_the_capsule():
     assert any(float(function(q)) < 1.0 for q in rng.uniform(-1.5, 1.5, (50, 2)))
 
 
+@pytest.mark.parametrize(
+    "region",
+    [
+        Ball((0.75, 0.3, 0.0), 0.1),
+        Box((0.7, 0.25, -0.4), (0.8, 0.35, 0.4)),
+        Cylinder((0.75, 0.3, 0.0), (0, 0, 1), 0.05, 0.6),
+        Cylinder((0.75, 0.3, 0.0), (0, 0, 1), 0.05),
+        HalfSpace((0.0, 0.3, 0.0), (0.0, -1.0, 0.0)),
+    ],
+)
+def test_what_is_allowed_between_the_nodes_is_the_margin(region):
+    arm = planar()
+    constraints = keep_clear(arm, [region], clearance=0.02, margin=0.004)
+    slack = ca.vertcat(*(c.expression - (1.0 - c.between) for c in constraints))
+    function = ca.Function("slack", [arm.q], [ca.mmin(slack)])
+    q = np.random.default_rng(3).uniform(-1.5, 1.5, (3000, 2))
+    left = function.map(len(q))(q.T).full().ravel()
+    nearest = q[np.argsort(np.where(left >= 0.0, left, np.inf))[:60]]
+    least = [next(iter(least_clearance(arm, one, [region]).values())) for one in nearest]
+    assert 60 < np.count_nonzero(left >= 0.0) < 2940
+    assert 0.02 - 1e-12 <= min(least) < 0.07  # balls along the capsule and rounded edges keep a few centimetres more
+
+
+def test_what_is_allowed_between_the_nodes_for_floor_and_pairs():
+    arm = planar()
+    floor, pair = keep_clear(arm, floor=-0.1, pairs=[("q1", "q2")], clearance=0.03, margin=0.005)
+    assert floor.between == 0.005
+    assert np.allclose(floor.lower, -0.1 + 0.035)
+    q = np.random.default_rng(3).uniform(1.5, 3.2, (500, 2)) * [0.0, 1.0]
+    function = ca.Function("pair", [arm.q], [ca.mmin(pair.expression)])
+    allowed = q[function.map(len(q))(q.T).full().ravel() >= 1.0 - pair.between]
+    assert len(allowed) == 0  # neighbours touch at their joint, whatever the angle
+
+
 @pytest.mark.slow
-def test_a_motion_keeps_clear_between_the_nodes():
+@pytest.mark.parametrize("elements", [10, 30])
+def test_a_motion_keeps_clear_between_the_nodes(elements):
     machine = planar()
     arm = canonical(machine, [Gravity()])
     ball = Ball((0.75, 0.35, 0.0), 0.1)
@@ -72,13 +115,49 @@ def test_a_motion_keeps_clear_between_the_nodes():
     assert isinstance(clear, Problem)
     found = {}
     for name, problem in (("free", free), ("clear", clear)):
-        solution = solve(problem, grid=uniform(30))
+        solution = solve(problem, grid=uniform(elements))
         assert solution.ok
-        q = solution.signal("q", np.linspace(0.0, float(solution.duration), 2001))
+        q = solution.signal("q", np.linspace(0.0, float(solution.duration), 4001))
         found[name] = solution.duration, least_clearance(machine, q, [ball])["Ball_1"]
     assert found["free"][1] < 0.0
-    assert found["clear"][1] > 0.015  # 2 cm at the nodes, 5 mm are left for what lies between them
+    assert found["clear"][1] >= 0.02
     assert found["clear"][0] > found["free"][0]
+    assert verify(solution).violation < 1e-3
+
+
+def test_robots_have_the_shapes_of_their_makers():
+    panda = robots.panda()
+    ends = ca.Function("ends", [panda.q], [ca.horzcat(*(p for s in panda.shapes for p in (s.start, s.end)))])
+    points = ends([0.0] * 7).full().T.reshape(-1, 2, 3)
+    # Upright at q = 0: link 1 below the shoulder, the flange 0.107 m below joint 7, fingers along the diagonal.
+    assert np.allclose(points[0, :, 2], [0.333 - 0.1915 - 0.1415, 0.333 - 0.1915 + 0.1415])
+    assert np.allclose(points[-1].mean(axis=0), [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.207])
+    assert np.linalg.norm(points[-1, 1] - points[-1, 0]) == pytest.approx(0.1)
+    assert np.allclose(np.abs((points[-1, 1] - points[-1, 0]) / 0.1), [np.sqrt(0.5), np.sqrt(0.5), 0.0])
+    pairs = self_pairs(panda)
+    assert ("panda_joint2", "panda_joint7") in pairs
+    assert not any(abs(int(a[-1]) - int(b[-1])) < 2 for a, b in pairs)
+    ready = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]  # the pose that the maker calls ready
+    assert min(least_clearance(panda, ready, pairs=pairs, floor=0.0).values()) > 0.01
+    for make in (robots.ur5, robots.ur10):
+        arm = make()
+        elbow = [0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0]
+        assert min(least_clearance(arm, elbow, pairs=self_pairs(arm), floor=0.0).values()) > 0.0
+        folded = [0.0, -np.pi / 2, np.pi - 0.2, 0.0, 0.0, 0.0]
+        assert min(least_clearance(arm, folded, pairs=self_pairs(arm)).values()) < 0.0
+    assert self_pairs(robots.arm_3r()) == ()
+
+
+def test_skeletons_get_capsules():
+    for machine in (spherical(), torus(), cylindrical()):
+        shaped = with_shapes(machine, skeleton_shapes(machine, 0.05))
+        tool = ca.Function("tool", [machine.q], [machine.tool])
+        q = [0.4, 0.3, 0.5, 0.9][: len(machine.coordinates)]
+        above = float(tool(q)[2]) - 0.05
+        assert least_clearance(shaped, [q], floor=-1.0)["floor"] <= above + 1.0 + 1e-12
+        assert keep_clear(shaped, [Ball((2.0, 0.0, 1.0), 0.1)], floor=-1.0)
+    with pytest.raises(ValueError, match="radius"):
+        skeleton_shapes(spherical(), 0.0)
 
 
 def test_the_machines_of_the_paper_take_capsules_too():
@@ -96,6 +175,8 @@ def test_the_machines_of_the_paper_take_capsules_too():
         (lambda: keep_clear(planar(), [1.0]), "expected a Ball, Box, Cylinder or HalfSpace"),
         (lambda: keep_clear(planar(), pairs=[("q1", "q9")]), "expected two bodies with capsules of q1, q2"),
         (lambda: keep_clear(planar(), clearance=-0.1), "clearance"),
+        (lambda: keep_clear(planar(), margin=0.0), "margin"),
+        (lambda: along(ca.SX.sym("x"), 0.0, between=0.0), "between"),
         (lambda: body_capsule(planar(), "q9", Capsule((0, 0, 0), (0, 0, 1), 0.1)), "has no body 'q9'"),
         (lambda: Capsule((0, 0, 0), (0, 0, 1), 0.0), "a radius > 0"),
     ],
