@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -52,7 +52,7 @@ class Singularity:
 class Implicit:
     """A rate with unknowns of its own, rate(x, u, p, y) with y solving G(x, u, p, y) = 0, where dG/dy is symmetric.
 
-    The derivatives of the rate follow from those of the two short expressions, see `ocp.transcription.implicit`.
+    Its derivatives follow from those of the two short expressions, see `ocp.transcription.implicit`.
 
     Args:
         y: (ny,) symbols.
@@ -72,6 +72,14 @@ class Implicit:
     solve: ca.Function
     signals: Mapping[str, ca.SX] = field(default_factory=dict)
     mirror: tuple[ca.DM, ca.SX] | None = None
+
+    def extended(self, old: tuple[ca.SX, ca.SX], new: tuple[ca.SX, ca.SX], p: ca.SX, rate: ca.SX) -> Implicit:
+        """Return the same for a system whose x and u were `old`, with `new` ones and the `rate` of added states."""
+        right, mirror = ca.SX.sym("b", self.y.numel()), self.mirror
+        solve = ca.Function("solve", [*new, p, right], [self.solve(*old, p, right)])
+        if mirror is not None:
+            mirror = ca.diagcat(mirror[0], ca.DM(rate.numel(), rate.numel())), ca.vertcat(mirror[1], rate)
+        return replace(self, rate=ca.vertcat(self.rate, rate), solve=solve, mirror=mirror)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +133,7 @@ class System:
         if self.t is not None:
             self._add_clock(self.t)
         checks.whole("System: integrals", self.integrals, 0)
-        for name in ("x", "u", "p", "rate"):
-            part = getattr(self, name)
+        for name, part in (("x", self.x), ("u", self.u), ("p", self.p), ("rate", self.rate)):
             checks.expression(f"System: {name}", part, "a CasADi SX column")
             if part.numel() and part.shape[1] != 1:
                 raise ValueError(f"System: {name} has shape {part.shape}, expected a column")
@@ -160,17 +167,17 @@ class System:
                 raise ValueError(f"System: {len(labels)} labels for {name!r}, which has {size} components")
         for given, names in (("limits", self.limits), ("initial", self.initial)):
             for name in (name for name in names if name not in self.signals):
-                raise ValueError(f"System: {given} has {name!r}, expected one of the signals {self._names}")
+                known = ", ".join(self.signals) or "none"
+                raise ValueError(f"System: {given} has {name!r}, expected one of the signals {known}")
         checks.instance("System: singular", self.singular, tuple | list, "a tuple of Singularities")
         for item in self.singular:
             checks.instance("System: singular, each", item, Singularity, "a Singularity")
             self.check_symbols("singular", item.quantity)
             if ca.depends_on(item.quantity, self.u):
                 raise ValueError(f"System: the quantity of {item.words!r} depends on the control; expected x and p")
-        if self.implicit is not None:
-            checks.instance("System: implicit", self.implicit, Implicit, "an Implicit rate, or None")
-            if (rows := self.implicit.rate.numel()) != (nx := self.x.numel()):
-                raise ValueError(f"System: the implicit rate has {rows} components, x has {nx}; give as many")
+        checks.instance("System: implicit", self.implicit, Implicit | None, "an Implicit rate, or None")
+        if self.implicit is not None and (rows := self.implicit.rate.numel()) != (nx := self.x.numel()):
+            raise ValueError(f"System: the implicit rate has {rows} components, x has {nx}; give as many")
 
     def short(self, expression: ca.SX) -> ca.SX:
         """Return a scalar in terms of the unknowns y of the implicit rate where it is a component of its signals."""
@@ -203,22 +210,21 @@ class System:
             if self.clock >= self.rate.numel() or not self.rate[self.clock].is_one():
                 raise ValueError("System: t is one of the states x; expected a symbol of its own")
             return
-        for name in ("signals", "labels"):
-            checks.mapping(f"System: {name}", getattr(self, name), "a dict by name")
+        for name, given in (("signals", self.signals), ("labels", self.labels)):
+            checks.mapping(f"System: {name}", given, "a dict by name")
         labels = (*self.label("x", self.x.numel()), Label("t", "s"))
-        object.__setattr__(self, "x", ca.vertcat(self.x, t))
-        object.__setattr__(self, "rate", ca.vertcat(self.rate, 1.0))
-        object.__setattr__(self, "implicit", None)  # it has no clock
-        object.__setattr__(self, "signals", {"t": t, **self.signals})
+        x, u = ca.vertcat(self.x, t), self.u
+        if isinstance(self.implicit, Implicit):
+            object.__setattr__(self, "implicit", self.implicit.extended((self.x, u), (x, u), self.p, ca.SX(1)))
+        for name, part in (("x", x), ("rate", ca.vertcat(self.rate, 1.0)), ("signals", {"t": t, **self.signals})):
+            object.__setattr__(self, name, part)
         object.__setattr__(self, "labels", {"t": (Label("t", "s"),), **self.labels, "x": labels})
 
     @property
     def clock(self) -> int:
         """Index of the time among the states; -1 without a symbol of the time."""
-        if self.t is None:
-            return -1
-        hashes = [symbol.element_hash() for symbol in ca.vertsplit(self.x)]
-        return hashes.index(self.t.element_hash()) if self.t.element_hash() in hashes else -1
+        own, hashes = 0 if self.t is None else self.t.element_hash(), [s.element_hash() for s in ca.vertsplit(self.x)]
+        return hashes.index(own) if self.t is not None and own in hashes else -1
 
     def check_symbols(self, what: str, expression: ca.SX) -> None:
         """Raise ValueError if `expression` has a symbol that is not in x, u or p, TypeError if it is no CasADi SX."""
@@ -236,11 +242,7 @@ class System:
         """Return the signal called `name`, or raise KeyError with the names there are."""
         if isinstance(name, str) and name in self.signals:
             return self.signals[name]
-        raise KeyError(f"no signal {checks.shown(name)}; this system has {self._names}")
-
-    @property
-    def _names(self) -> str:
-        return ", ".join(self.signals) or "none"
+        raise KeyError(f"no signal {checks.shown(name)}; this system has {', '.join(self.signals) or 'none'}")
 
     def label(self, name: str, size: int) -> tuple[Label, ...]:
         """Return the labels of a signal (or of "x", "u") with `size` components."""
@@ -288,12 +290,11 @@ def rebuild(
 ) -> System:  # fmt: skip
     """Return the System with the expressions of a function (x, u, p) -> (rate, *signals, *quantities), on new symbols.
 
-    The other arguments are those of a System, and of each singularity all but its quantity; `clock` is the index of the
-    time among the states, or -1.
+    Of each singularity all but its quantity is given; `clock` is the index of the time among the states, or -1.
     """
     x, u, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     rate, *rest = function.call([x, u, p])
     named = dict(zip(names, rest[: len(names)], strict=True))
     items = tuple(Singularity(q, *known) for q, known in zip(rest[len(names) :], singular, strict=True))
     t = x[clock] if clock >= 0 else None
-    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, items, t=t, integrals=integrals)
+    return System(x, u, p, rate, named, nominal, labels, notes, limits, initial, items, None, t, integrals)

@@ -27,8 +27,9 @@ class Payload:
     body of the machine, its origin is the tool point: axis 3 along the arm of the sphere, axis 2 along that of the
     cylinder, axis 1 along the last link of the torus; a machine of links has tool axes of its own.
 
-    Adds the inertia of the load to that of the last link, or its metric where that is shorter, and a mass; no states,
-    no controls, the parameters `payload.mass`, `payload.offset_1`, `payload.inertia_1`, ... if they are Parameters.
+    Adds the inertia of the load to that of the last link (its metric for a point, and where that is shorter), and a
+    mass; no states, no controls, the parameters `payload.mass`, `payload.offset_1`, `payload.inertia_1`, ... if they
+    are Parameters.
 
     Args:
         mass: m >= 0 [kg].

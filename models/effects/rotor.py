@@ -10,6 +10,7 @@ import numpy as np
 
 from models.effects.effect_fields import Each, Fields, quantity, read_fields
 from models.machines.manipulator import Manipulator
+from models.machines.segments import chain_of
 from models.mechanics.contributions import ROTOR, Sizes
 from models.mechanics.terms import Terms
 from ocp import checks
@@ -81,9 +82,10 @@ class RotorInertia:
         own = Terms(symbols=fields.symbols, nominal=fields.nominal, defines={"rotors": fields.prefix})
         spins = self._spins(fields, machine)
         if spins is not None and machine.recursion is None:
-            if machine.chain is None:
+            chain = chain_of(machine)
+            if chain is None:
                 raise ValueError(f"rotor_inertia.carried: {machine.name} does not say which link carries which joint")
-            turning = machine.chain.turning([c.name for c in machine.coordinates], machine.q)
+            turning = chain.turning([c.name for c in machine.coordinates], machine.q)
             pull = ca.sparsify(ca.diag(spins)) @ turning
             metric = metric + pull + pull.T
         return own + Terms(metric=ca.sparsify(metric), spins=spins)

@@ -13,7 +13,6 @@ from models.machines.inertia import check_mass, check_moment
 from models.machines.inverse_kinematics import NEAR, TINY, Configurations, wrapped
 from models.machines.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.machines.parameters import Default, lists_its_parameters, read, unit_of
-from models.machines.segments import Chain, Segment
 from ocp import checks
 from ocp.checks import Array
 
@@ -128,14 +127,6 @@ def cylindrical(
         symbols=p.symbols,
         inertia={"phi": "Theta_1_33, Theta_2_33 or Theta_3_33", "xi": "m_2 or m_3", "r": "m_3"},
         inverse=partial(_inverse, p.nominal["A"], p.nominal["l_T"]),
-        chain=Chain(
-            (
-                Segment("phi", True, (0.0, 0.0, 1.0), body="column"),
-                Segment("xi", False, (0.0, 0.0, 1.0), body="carriage", centre=(offset / 2, 0.0, 0.0)),
-                Segment("r", False, (0.0, 1.0, 0.0), (offset, 0.0, 0.0), "arm"),
-            ),
-            (0.0, p["l_T"], 0.0),
-        ),
     )
 
 

@@ -10,7 +10,6 @@ import casadi as ca
 from models.machines.frames import Frame
 from models.machines.inverse_kinematics import Inverse
 from models.machines.recursion import Recursion
-from models.machines.segments import Chain
 from models.machines.shapes import Shape
 from ocp import checks
 
@@ -72,7 +71,6 @@ class Manipulator:
     default_frame: str = "regular"  # name of the frame that exists wherever the metric is regular
     tool_axes: ca.SX | None = None  # (3, 3) columns = axes of the tool; None: those of the last body
     recursion: Recursion | None = None  # shorter than the metric for machines of many links
-    chain: Chain | None = None  # joints and links of a machine with a metric in closed form
     limits: Mapping[str, tuple[Ends, Ends]] = field(default_factory=dict)  # of a data sheet or a robot file: "q", ...
     damping: tuple[float, ...] = ()  # viscous friction that the file states [N m s/rad or N s/m]
     friction: tuple[float, ...] = ()  # dry friction that it states [N m or N]

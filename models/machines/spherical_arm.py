@@ -13,7 +13,6 @@ from models.machines.inertia import check_mass, check_moment, check_tensor
 from models.machines.inverse_kinematics import NEAR, TINY, Configurations
 from models.machines.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.machines.parameters import Default, Follows, lists_its_parameters, read, unit_of
-from models.machines.segments import Chain, Segment
 from ocp import checks
 from ocp.checks import Array
 
@@ -155,15 +154,6 @@ def spherical(
         symbols=p.symbols,
         inertia={"theta": "Theta_2_11", "psi": "Theta_1_33 or Theta_2_33", "phi": "Theta_3_33", "r": "m_3"},
         inverse=partial(_inverse, p.nominal["l_T"]),
-        chain=Chain(
-            (
-                Segment("psi", True, (0.0, 0.0, 1.0), body="column"),
-                Segment("theta", True, (-1.0, 0.0, 0.0), body="swivel", centre=(0.0, 0.0, s2)),
-                Segment("phi", True, (0.0, 0.0, 1.0)),
-                Segment("r", False, (0.0, 0.0, 1.0), body="arm"),
-            ),
-            (0.0, 0.0, p["l_T"]),
-        ),
     )
 
 

@@ -12,7 +12,6 @@ from models.machines.inertia import check_mass, check_moment, check_tensor
 from models.machines.inverse_kinematics import NEAR, TINY, Configurations, wrapped
 from models.machines.manipulator import Body, Coordinate, Drive, Manipulator, rotation, symbols
 from models.machines.parameters import Default, Follows, Parameters, lists_its_parameters, read, unit_of
-from models.machines.segments import Chain, Segment
 from models.machines.torus_metric import TorusMetric, symmetric, torus_frames, torus_point_metric
 from ocp import checks
 from ocp.checks import Array
@@ -137,14 +136,6 @@ def torus(
             "q3": "Theta_2_22 or Theta_3_22",
         },
         inverse=partial(_inverse, p.nominal["B"], p.nominal["L_2"], p.nominal["L_3"] / 2 + p.nominal["l_T"]),
-        chain=Chain(
-            (
-                Segment("q1", True, (0.0, 0.0, 1.0), body="column"),
-                Segment("q2", True, (0.0, -1.0, 0.0), (0.0, offset, 0.0), "link 2", (length2 / 2, 0.0, 0.0)),
-                Segment("q3", True, (0.0, -1.0, 0.0), (length2, 0.0, 0.0), "link 3", (length3 / 2, 0.0, 0.0)),
-            ),
-            (length3 / 2 + p["l_T"], 0.0, 0.0),
-        ),
     )
 
 

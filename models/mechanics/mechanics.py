@@ -55,9 +55,11 @@ class Mechanics:
     def links(self) -> Recursion | None:
         """Recursion over the links of a machine with a metric in closed form, with the loads that effects fix to them.
 
-        None without loads, and if another effect adds a metric that depends on q.
+        None without a rigid load at the tool (point masses keep the closed form, and studies of the first release their
+        identity), and if another effect adds a metric that depends on q.
         """
-        if self.machine.chain is None or not self.terms.loads:
+        rigid = (load.offset.nnz() or load.inertia.nnz() for load in self.terms.loads if load.carrier is None)
+        if self.machine.recursion is not None or not any(rigid):
             return None
         n = self.machine.q.numel()
         others = (part.terms.metric for part in self.parts if not part.terms.loads)

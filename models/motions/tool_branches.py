@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.machines.inverse_kinematics import Configurations, Inverse, continuous, wrapped
+from models.machines.manipulator import Manipulator
 from models.motions.timing_laws import Composed
 from ocp import checks
 from ocp.checks import Array
@@ -124,3 +125,27 @@ def _names(configurations: Configurations, chosen: Array, angular: Array) -> tup
     nearest = np.argmin(np.linalg.norm(step, axis=2), axis=1)
     changes = np.concatenate([[True], np.diff(nearest) != 0])
     return tuple(configurations.branches[k] for k in nearest[changes])
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Which of the solutions of the inverse kinematics is wanted."""
+
+    begin: Array | None  # (n,) position near which the motion should begin
+    limits: tuple[Array, Array]
+    branch: str | None
+
+    @classmethod
+    def of(cls, machine: Manipulator, near: object, limits: object, branch: str | None) -> Choice:
+        """Check the arguments of `along_tool_path`."""
+        n = len(machine.coordinates)
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+        if limits is not None:
+            if not isinstance(limits, tuple | list) or len(limits) != 2:
+                raise checks.refused("limits", limits, f"lower and upper ({n},) of the coordinates")
+            low, high = (checks.column("limits", side, n, finite=False) for side in limits)
+        named = f"{n} finite numbers, one for each coordinate of {machine.name}"
+        begin = None if near is None else checks.column("near", near, n, named)
+        if branch is not None:
+            checks.text("branch", branch, "the name of a branch of solutions")
+        return cls(begin, (low, high), branch)

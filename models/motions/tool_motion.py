@@ -1,4 +1,4 @@
-"""Motions of the tool along a path in space, by inverse kinematics in closed form."""
+"""Motions of the tool along a path in space: inverse kinematics in closed form, or least movement of an arm."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 
 from models.machines.inverse_kinematics import Configurations, Inverse, wrapped
 from models.machines.manipulator import Manipulator
+from models.motions.arm_tool_motion import of_arm
 from models.motions.coordinate_labels import labels_of
 from models.motions.motion import Motion
 from models.motions.piecewise import Piecewise
 from models.motions.recording import check_rows
 from models.motions.splines import Ends, at_rest, interpolate
 from models.motions.timing_laws import Composed, check_law
-from models.motions.tool_branches import COARSE, follow
+from models.motions.tool_branches import COARSE, Choice, follow
 from models.motions.tool_paths import Polynomial, ToolPath, is_moving_at_its_ends
 from ocp import checks
 from ocp.checks import Array
@@ -75,22 +76,29 @@ def along_tool_path(
     hold: Mapping[str, float] | None = None,
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     branch: str | None = None,
+    rotation: object = None,
 ) -> Motion:
     """Return the motion whose tool runs along a path in space.
 
     Of all solutions of the inverse kinematics the sequence is chosen that turns the least and never jumps. They are
     followed at as many times as they need, however short a fast part of a long motion is.
 
+    An arm of links begins with the solution that is nearest to `near` (or to the middle of its limits) and can follow
+    the path; joints that are left over move as little as they can, v = J^+ (x', omega). Without a `rotation` the tool
+    may turn as it likes.
+
     Args:
-        machine: with inverse kinematics.
+        machine: any, its parameters numbers.
         path: made by line, arc or sampled.
         law: s(t), the length run through [m], a motion of one coordinate such as
             Motion.trapezoidal(0, path.length, 0.5, 2.0).
         near: (n,) position near which the motion should begin.
-        hold: values of coordinates that do not move the tool, by name; 0 for those not given.
-        limits: lower and upper (n,) of the coordinates.
+        hold: values of coordinates that do not move the tool, by name; 0 for those not given; not for arms of links.
+        limits: lower and upper (n,) of the coordinates; None: none, for arms of links those of the machine.
         branch: name of the only branch of solutions to be used; None: all. A wrong name lists the right ones, and the
-            notes of the motion tell the branch that was used.
+            notes of the motion tell the branch that was used. Not for arms of links.
+        rotation: axes of the tool in the base, kept along the path: roll, pitch, yaw [rad] or a matrix (3, 3); or a
+            tuple of two of these, from and to, between which it turns in proportion to the length. For arms of links.
 
     Raises:
         ValueError: a point that cannot be reached, no continuous solution within the limits, or a singularity
@@ -101,7 +109,12 @@ def along_tool_path(
     if isinstance(path, type) or not callable(path) or not hasattr(path, "length"):
         raise TypeError(f"path: got {checks.shown(path)}, expected a path such as line(start, end)")
     check_law(law, 0.0, path.length)
-    return _along(machine, path, law, Choice.of(machine, near, limits, branch), hold)
+    choice = Choice.of(machine, near, limits, branch)
+    if machine.inverse is None:
+        return of_arm(machine, path, law, choice, hold, rotation)
+    if rotation is not None:
+        raise ValueError(f"rotation: {machine.name} has no joints to turn its tool; leave it out")
+    return _along(machine, path, law, choice, hold)
 
 
 def through_tool_points(
@@ -114,6 +127,7 @@ def through_tool_points(
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     branch: str | None = None,
     ends: Ends | None = None,
+    rotation: object = None,
 ) -> Motion:
     """Return the motion whose tool passes points at given times, along a quintic spline.
 
@@ -121,7 +135,7 @@ def through_tool_points(
         machine: with inverse kinematics.
         times: (K,) increasing [s], counted from the first.
         points: (K, 3) of the tool [m].
-        near, hold, limits, branch: as for `along_tool_path`.
+        near, hold, limits, branch, rotation: as for `along_tool_path`.
         ends: of the spline, such as not_a_knot() for points of a motion that goes on; None: from rest to rest, with a
             note if the points move at their ends.
 
@@ -136,42 +150,22 @@ def through_tool_points(
     # The time itself is the parameter of the path.
     law = Motion.of_time(lambda t: t, path.length, smoothness=4)
     check_machine(machine)
-    motion = _along(machine, path, law, Choice.of(machine, near, limits, branch), hold, since)
+    choice = Choice.of(machine, near, limits, branch)
+    if machine.inverse is None:
+        motion = of_arm(machine, path, law, choice, hold, rotation, since)
+    elif rotation is not None:
+        raise ValueError(f"rotation: {machine.name} has no joints to turn its tool; leave it out")
+    else:
+        motion = _along(machine, path, law, choice, hold, since)
     if ends is None and is_moving_at_its_ends(given.t, given.q):
         note = "the points move at their ends, but are passed from rest to rest: torques there are those of a jerk"
         return replace(motion, notes=(*motion.notes, f"{note}; ends=not_a_knot() avoids it"))
     return motion
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """Which of the solutions of the inverse kinematics is wanted."""
-
-    begin: Array | None  # (n,) position near which the motion should begin
-    limits: tuple[Array, Array]
-    branch: str | None
-
-    @classmethod
-    def of(cls, machine: Manipulator, near: object, limits: object, branch: str | None) -> Choice:
-        """Check the arguments of `along_tool_path`."""
-        n = len(machine.coordinates)
-        low, high = np.full(n, -np.inf), np.full(n, np.inf)
-        if limits is not None:
-            if not isinstance(limits, tuple | list) or len(limits) != 2:
-                raise checks.refused("limits", limits, f"lower and upper ({n},) of the coordinates")
-            low, high = (checks.column("limits", side, n, finite=False) for side in limits)
-        named = f"{n} finite numbers, one for each coordinate of {machine.name}"
-        begin = None if near is None else checks.column("near", near, n, named)
-        if branch is not None:
-            checks.text("branch", branch, "the name of a branch of solutions")
-        return cls(begin, (low, high), branch)
-
-
 def check_machine(machine: Manipulator) -> None:
     """Raise unless a machine has inverse kinematics of numbers."""
     checks.instance("machine", machine, Manipulator, "a Manipulator such as spherical()")
-    if machine.inverse is None:
-        raise ValueError(f"{machine.name} has no inverse kinematics; give its motion in coordinates")
     if machine.symbols:
         names = ", ".join(machine.symbols)
         raise ValueError(f"the parameters {names} stay symbols; a motion of the tool needs a machine of numbers")

@@ -10,6 +10,7 @@ import casadi as ca
 from models.machines.factorisation import Factors, factorise
 from models.machines.manipulator import Manipulator
 from models.machines.recursion import Build, Load, Recursion
+from models.machines.segments import chain_of
 from models.rigid_bodies.inertia import LinkInertia
 from models.rigid_bodies.scalars import Entry, Vector, apply, identity, numeric, snapped, transposed
 from models.rigid_bodies.tree import Pose, Tree, TreeJoint, turned_to
@@ -17,12 +18,12 @@ from models.rigid_bodies.tree_recursion import TreeRecursion, entries
 
 
 def recursion_of(machine: Manipulator) -> Recursion | None:
-    """Return the recursion over the segments of a machine; None for a machine without them.
+    """Return the recursion over the segments of a machine; None for a machine that is not known by segments.
 
     Args:
         machine: such as spherical(); its coordinates may have another order than its joints.
     """
-    chain = machine.chain
+    chain = chain_of(machine)
     if chain is None:
         return None
     bodies, joints = {body.name: body for body in machine.bodies}, list[TreeJoint]()

@@ -59,7 +59,7 @@ class _Task:
             return error, jacobian
         relative = rotation @ axes.reshape(-1, 3, 3)  # rows are the columns of R, so that this is target R'
         turned = turning.reshape(-1, n, 3).swapaxes(1, 2)
-        return np.hstack([error, _axis_angle(relative)]), np.concatenate([jacobian, turned], axis=1)
+        return np.hstack([error, axis_angle(relative)]), np.concatenate([jacobian, turned], axis=1)
 
 
 def inverse_kinematics(
@@ -98,7 +98,7 @@ def inverse_kinematics(
     if machine.symbols:
         raise ValueError(f"machine: the parameters {', '.join(machine.symbols)} stay symbols; give numbers instead")
     point = checks.column("position", position, 3, "three numbers in m")
-    wanted = None if rotation is None else _matrix(rotation)
+    wanted = None if rotation is None else rotation_matrix(rotation)
     count = checks.whole("starts", starts, 1, 100_000)
     task = _Task.of(machine, wanted is not None)
     n = len(machine.coordinates)
@@ -143,7 +143,9 @@ def along_poses(
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise checks.refused("positions", positions, "(K, 3) numbers in m")
     axes = (
-        None if rotations is None else [_matrix(one) for one in checks.several("rotations", rotations, "K rotations")]
+        None
+        if rotations is None
+        else [rotation_matrix(one) for one in checks.several("rotations", rotations, "K rotations")]
     )
     if axes is not None and len(axes) != len(points):
         raise checks.refused("rotations", rotations, f"{len(points)} rotations, one for each position")
@@ -190,12 +192,13 @@ def orientation_error(system: System, rotation: Rotation) -> ca.SX:
     checks.instance("system", system, System, "a System, a form of an arm of links")
     if "tool_axes" not in system.signals:
         raise ValueError("system: it has no signal 'tool_axes'; give a form of an arm of links such as robots.ur5()")
-    missing = ca.DM(_matrix(rotation).tolist()).T @ ca.reshape(system["tool_axes"], 3, 3)
+    missing = ca.DM(rotation_matrix(rotation).tolist()).T @ ca.reshape(system["tool_axes"], 3, 3)
     skew = (missing - missing.T) / 2
     return ca.vertcat(skew[2, 1], skew[0, 2], skew[1, 0])
 
 
-def _matrix(rotation: object) -> Array:
+def rotation_matrix(rotation: object) -> Array:
+    """Return the matrix (3, 3) of roll, pitch, yaw [rad] or of a matrix."""
     return Joint("tool", rotation=rotation).turned()  # type: ignore[arg-type]
 
 
@@ -238,7 +241,7 @@ def _distinct(q: Array, tolerance: float, angular: Array) -> Array:
     return np.array(kept).reshape(-1, q.shape[1])
 
 
-def _axis_angle(rotation: Array) -> Array:
+def axis_angle(rotation: Array) -> Array:
     """Return angle times axis (K, 3) of rotations (K, 3, 3)."""
     sine = np.stack([rotation[:, i, j] - rotation[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2.0
     size = np.linalg.norm(sine, axis=1)

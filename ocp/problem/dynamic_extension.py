@@ -35,8 +35,11 @@ def extend(system: System) -> System:
     rate = ca.SX.sym(name, nu)
     old = system.label("u", nu)
     faster = tuple(Label(f"d{label.name}/dt", f"{label.unit}/s" if label.unit else "") for label in old)
+    x, implicit = ca.vertcat(system.x, system.u), system.implicit
+    if implicit is not None:
+        implicit = implicit.extended((system.x, system.u), (x, rate), system.p, rate)
     return System(
-        x=ca.vertcat(system.x, system.u),
+        x=x,
         u=rate,
         p=system.p,
         rate=ca.vertcat(system.rate, rate),
@@ -52,6 +55,7 @@ def extend(system: System) -> System:
         limits=system.limits,
         initial=system.initial,
         singular=system.singular,
+        implicit=implicit,
         t=system.t,
     )
 

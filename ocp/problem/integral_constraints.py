@@ -60,14 +60,17 @@ def with_integrals(system: System, constraints: tuple[Constraint, ...]) -> tuple
 
 
 def _extended(system: System, expressions: ca.SX, labels: list[Label]) -> _Integrals:
-    y = ca.SX.sym("y", expressions.numel())
+    y, implicit = ca.SX.sym("y", expressions.numel()), system.implicit
+    x = ca.vertcat(system.x, y)
+    if implicit is not None:
+        implicit = implicit.extended((system.x, system.u), (x, system.u), system.p, ca.densify(expressions))
     extended = replace(
         system,
-        x=ca.vertcat(system.x, y),
+        x=x,
         rate=ca.vertcat(system.rate, expressions),
         labels={**system.labels, "x": (*system.label("x", system.x.numel()), *labels)},
         integrals=system.integrals + y.numel(),
-        implicit=None,
+        implicit=implicit,
     )
     return _Integrals(extended, y, expressions)
 
@@ -93,7 +96,14 @@ def without_integrals(system: System) -> System:
     """
     count = system.x.numel() - system.integrals
     labels = {name: own for name, own in system.labels.items() if name != "x"}
+    x, implicit = system.x[:count], system.implicit
+    if implicit is not None:
+        right, rest = ca.SX.sym("b", implicit.y.numel()), ca.SX.zeros(system.integrals)
+        solved = implicit.solve(ca.vertcat(x, rest), system.u, system.p, right)
+        solve, mirror = ca.Function("solve", [x, system.u, system.p, right], [solved]), implicit.mirror
+        kept = None if mirror is None else (mirror[0][:count, :count], mirror[1][:count])
+        implicit = replace(implicit, rate=implicit.rate[:count], solve=solve, mirror=kept)
     return replace(
-        system, x=system.x[:count], rate=system.rate[:count], integrals=0, implicit=None,
+        system, x=x, rate=system.rate[:count], integrals=0, implicit=implicit,
         labels={**labels, "x": system.label("x", system.x.numel())[:count]},
     )  # fmt: skip

@@ -76,13 +76,16 @@ def _column(system: System, expression: ca.SX, name: str) -> ca.SX:
 def _with_slack(system: System, s: ca.SX, name: str, above_zero: dict[str, ca.SX]) -> System:
     own = system.label("u", system.u.numel())
     slack = (Label(name),) if s.numel() == 1 else tuple(Label(f"{name}_{i + 1}") for i in range(s.numel()))
+    u, implicit = ca.vertcat(system.u, s), system.implicit
+    if implicit is not None:
+        implicit = implicit.extended((system.x, system.u), (system.x, u), system.p, ca.SX(0, 1))
     return replace(
         system,
-        u=ca.vertcat(system.u, s),
+        u=u,
         signals={**system.signals, name: s, **above_zero},
         labels={**system.labels, "u": (*own, *slack)},
         limits={**system.limits, **dict.fromkeys(above_zero, (0.0, None))},
-        implicit=None,
+        implicit=implicit,
     )
 
 

@@ -10,7 +10,8 @@ import pytest
 from models import Parameter, robots, spherical
 from models.effects import ElasticDrive, Gravity, Payload, Viscous
 from models.forms import canonical, lagrange
-from ocp import point_to_point, prepare, solve, uniform
+from ocp import Problem, absolute, extend, integral, point_to_point, prepare, solve, uniform
+from ocp.problem.integral_constraints import without_integrals
 from ocp.transcription.implicit import Inner
 
 FORMS = pytest.mark.parametrize("form", [canonical, lagrange], ids=lambda form: form.__name__)
@@ -56,6 +57,37 @@ def test_both_ways_give_the_same_derivatives(form, effects):
         )
         assert np.allclose(jacobian, other_jacobian, rtol=0, atol=1e-12 * np.max(np.abs(other_jacobian)))
         assert np.allclose(hessian, other_hessian, rtol=0, atol=1e-11 * np.max(np.abs(other_hessian)))
+
+
+def heated(system):
+    return Problem(system, subject_to=(integral(ca.sumsqr(system["tau"]) * system.p, upper=1.0, name="heat"),)).system
+
+
+def clocked(system):
+    return replace(system, t=ca.SX.sym("t"))
+
+
+EXTENDED = {
+    "integral": heated,
+    "clock": clocked,
+    "rate of the control": extend,
+    "absolute value": lambda system: absolute(system, system["tau"], "size")[0],
+    "all": lambda system: heated(extend(clocked(absolute(system, system["tau"], "size")[0]))),
+    "integral taken off": lambda system: without_integrals(heated(system)),
+}
+
+
+@FORMS
+@pytest.mark.parametrize("kind", EXTENDED)
+def test_systems_with_further_states_keep_the_inner_unknowns(form, kind):
+    system = EXTENDED[kind](form(robots.arm_3r(), [Gravity(), Payload(Parameter(2.0), offset=(0.1, 0.0, 0.05))]))
+    assert system.implicit is not None
+    assert system.implicit.rate.numel() == system.x.numel()
+    function, rng = derivatives(system), np.random.default_rng(3)
+    z, mu = (rng.uniform(-1, 1, size) for size in (function.numel_in(0), function.numel_in(2)))
+    jacobian, hessian, other_jacobian, other_hessian = (part.full() for part in function(z, [2.0], mu))
+    assert np.allclose(jacobian, other_jacobian, rtol=0, atol=1e-12 * np.max(np.abs(other_jacobian)))
+    assert np.allclose(hessian, other_hessian, rtol=0, atol=1e-11 * np.max(np.abs(other_hessian)))
 
 
 def test_a_motion_takes_the_same_iterates():
