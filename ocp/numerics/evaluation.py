@@ -43,9 +43,8 @@ class Evaluation:
                 self._buffer.set_res(i, memoryview(array))  # type: ignore[arg-type,call-arg]
 
 
-# Points of one call. Up to 512 are filled up to multiples of 64, so that one mapped function serves all numbers of
-# points: to make one takes as long as to evaluate some hundred points.
-FEW, MANY, CHUNK = 64, 512, 8192
+FEW, MANY, CHUNK = 64, 512, 8192  # points of one call
+MAPPING = 20_000  # instructions that take as long as to make a mapped function
 
 
 Progress = Callable[[int, int], None]  # called with the points done and the points in all
@@ -63,7 +62,7 @@ def evaluate(function: ca.Function, *columns: Array, progress: Progress | None =
         One array (K, size) for each output; matrices column by column.
     """
     count = max(len(column) for column in columns if column.ndim == 2)
-    size = FEW if count <= MANY else -(-count // -(-count // CHUNK))
+    size = _size(function, count)
     many, whole = mapped(function, size), -(-count // size) * size
     inputs = [np.zeros((size, function.numel_in(i))) for i in range(function.n_in())]
     results = [np.empty((whole, function.numel_out(i))) for i in range(function.n_out())]
@@ -83,3 +82,14 @@ def evaluate(function: ca.Function, *columns: Array, progress: Progress | None =
         if progress is not None:
             progress(stop, count)
     return tuple(array[:count] for array in results)
+
+
+def _size(function: ca.Function, count: int) -> int:
+    """Return the points of one call.
+
+    A few points are filled up to a multiple of 64 where that is cheaper than another mapped function for their number.
+    """
+    filled = -count % FEW
+    if count <= MANY and function.is_a("SXFunction") and filled * function.n_instructions() <= MAPPING:
+        return FEW
+    return -(-count // -(-count // CHUNK)) if count else 1

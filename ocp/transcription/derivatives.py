@@ -14,9 +14,9 @@ from ocp.transcription.implicit import Inner
 from ocp.transcription.scaled_nlp import derivative_functions
 
 Entries = tuple[Array, Array, ca.MX]  # row indices, column indices and values (k,) of a sparse matrix
-# Copies of a function from which on its common subexpressions are shared: that makes it 2 to 10 % shorter, and a third
-# with inner unknowns, and takes as long as the evaluations of 40 to 80 copies in a solve save.
-MANY = 80
+# Copies of a function from which on its common subexpressions are shared: that makes it 2 to 5 % shorter, a quarter and
+# more with inner unknowns, and takes as long as the evaluations of 100 to 800 copies in a solve save.
+MANY = 200
 
 
 @dataclass(frozen=True, eq=False)
