@@ -19,8 +19,9 @@ ITERATIONS, CLOSE = 30, 1e-9  # of Newton's method for the states on a path, and
 def layers_of(problem: Problem) -> list[Array]:
     """Return the indices of the states, grouped by the number of integrations between the controls and them."""
     system = problem.system
-    by_u = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.u), 1.0).full(), dtype=bool)
-    by_x = np.array(ca.DM(ca.jacobian_sparsity(system.rate, system.x), 1.0).full(), dtype=bool)
+    by_x, by_u = (np.zeros((system.x.numel(), symbols.numel()), dtype=bool) for symbols in (system.x, system.u))
+    for matrix, symbols in ((by_x, system.x), (by_u, system.u)):
+        matrix[ca.jacobian_sparsity(system.rate, symbols).get_triplet()] = True
     left = np.ones(system.x.numel(), dtype=bool)
     reached = by_u.any(axis=1) if by_u.size else np.zeros(len(left), dtype=bool)
     layers = []

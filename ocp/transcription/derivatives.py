@@ -183,7 +183,7 @@ def assemble(
     starts = np.cumsum([0, *(local.rows * local.copies for local, _ in blocks)]).tolist()
     size, count = z.numel(), starts[-1]
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", count)
-    g, g_again = [ca.MX(0, 1)], [ca.MX(0, 1)]
+    g, g_again = list[ca.MX](), list[ca.MX]()
     gradient, jacobian, hessian = [local.linear_gradient() for local in linear], list[Entries](), list[Entries]()
     f = f_again = sum((ca.dot(slope, z[index.tolist()]) for index, _, slope in gradient), ca.MX(0))
     derived = [local.derived() for local, _ in blocks]
@@ -217,11 +217,15 @@ def assemble(
             nonzeros = mapped["curvature"](*at, lam)
             one, other = (local.unknowns[list(part)].T.ravel() for part in here.upper.sparsity().get_triplet())
             hessian.append((np.minimum(one, other), np.maximum(one, other), ca.vec(nonzeros)))
-    g_slopes = ca.vertcat(*g_again), sparse_matrix(jacobian, (count, size))
+    g_slopes = _column(g_again), sparse_matrix(jacobian, (count, size))
     f_slopes = f_again, ca.densify(sparse_matrix(gradient, (size, 1)))
     curvature = sparse_matrix(hessian, (size, size))
     derivatives = derivative_functions((z, s, lam_f, lam_g), f_slopes, g_slopes, curvature)
-    return {"x": z, "p": s, "f": f, "g": ca.vertcat(*g)}, derivatives, compilation
+    return {"x": z, "p": s, "f": f, "g": _column(g)}, derivatives, compilation
+
+
+def _column(parts: Sequence[ca.MX]) -> ca.MX:
+    return parts[0] if len(parts) == 1 else ca.vertcat(ca.MX(0, 1), *parts)
 
 
 def _total(row: ca.MX) -> ca.MX:
@@ -246,7 +250,7 @@ def sparse_matrix(parts: Sequence[Entries], shape: tuple[int, int]) -> ca.MX:
     """
     empty = np.zeros(0, dtype=np.int64)
     rows, columns = (np.concatenate([empty, *(part[i] for part in parts)]) for i in (0, 1))
-    values = ca.vertcat(ca.MX(0, 1), *(part[2] for part in parts))
+    values = _column([part[2] for part in parts])
     keys = columns * shape[0] + rows
     order = np.argsort(keys, kind="stable")
     keys = keys[order]

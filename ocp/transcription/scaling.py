@@ -118,7 +118,7 @@ def from_limits(problem: Problem, guess: Guess, values: Sequence[float], free: A
     return Scaling(
         _power_of_two(x), _power_of_two(u), float(_power_of_two(guess.duration)), _power_of_two(parameters),
         float(_power_of_two(_cost_scale(problem, guess, p, (x, u)) / COST)),
-        tuple(map(_power_of_two, _constraint_scales(problem, guess, p, (x, u)))),
+        tuple(_constraint_scales(problem, guess, p, (x, u))),
     )  # fmt: skip
 
 
@@ -173,16 +173,16 @@ def _constraint_scales(problem: Problem, guess: Guess, p: Array, corner: tuple[A
     """Yield the scales of the components of every constraint."""
     changes = dict[tuple[int, ...], Array]()  # by expression: often the same one is constrained at both ends
     for constraint in problem.subject_to:
+        if len(single_symbols(constraint, problem.system)) == len(constraint.lower):
+            yield np.ones(len(constraint.lower))  # bounds of unknowns, which have scales of their own
+            continue
         sides = np.abs(np.stack([constraint.lower, constraint.upper]))
         limit = np.max(np.where(np.isfinite(sides), sides, 0.0), axis=0)
-        if len(single_symbols(constraint, problem.system)) == len(limit):
-            yield np.ones(len(limit))  # bounds of unknowns, which have scales of their own
-            continue
         key = tuple(component.element_hash() for component in ca.vertsplit(constraint.expression))
         if key not in changes:
             changes[key] = _largest_change(constraint.expression, problem, guess, p, corner)
         seen = changes[key]
-        yield np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit)
+        yield _power_of_two(np.where(seen > 0.0, np.clip(limit, seen, IDLE * seen), limit))
 
 
 def _without_rounding(reached: Array, units: list[str]) -> Array:
