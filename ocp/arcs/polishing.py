@@ -14,7 +14,7 @@ from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
 from ocp.arcs.detection import read
 from ocp.arcs.gentle_arcs import settle_gently
-from ocp.arcs.least_effort import slack, with_effort, without_effort
+from ocp.arcs.least_effort import gentlest, slack, with_effort, without_effort
 from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.loose_arcs import read_loosely
 from ocp.arcs.moving_grid import SETTINGS as MOVING
@@ -44,6 +44,8 @@ ENOUGH = 0.7  # of the seconds left, below which a motion that is nearly sound i
 LAST = 0.5  # seconds left, below which no further grid is moved
 FIRST = 0.3  # of the seconds, given to the structure read from the given grid, where only time counts
 PART = 0.5  # of the seconds left, given to one structure read
+KEPT, EFFORT_SOLVES = 0.3, 2.0  # share of the seconds, and solves as long as the given one, kept for least effort
+DEARER = 1e-5  # share of the cost that least effort may cost
 EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, share of the cost
 
 
@@ -76,7 +78,8 @@ def polish(
     Returns:
         The polished solution with its `structure`; it counts only if it is solved, confirms or improves the cost, and
         meets the sign conditions. Else a solution with structure None and the reason in its message: on a grid moved to
-        the switches if that has a lower cost, or the given one.
+        the switches if that has a lower cost, or the given one; controls that minimum time leaves open are those of
+        least effort then.
         `timings` are those of polishing alone: derivatives and solver of its last solve, set-up for all before it.
 
     Raises:
@@ -112,7 +115,9 @@ def polish(
             name = limits[hold.contact.limit].label.name
             return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed, iterations, reason = solution.cost + _doubt(problem, solution), 0, ""
-    budget = Budget(seconds, sys.stderr.isatty() if settings.progress is None else settings.progress)
+    open_controls = slack(problem, solution) if _timed(problem) else ""
+    kept = min(KEPT * seconds, EFFORT_SOLVES * solution.timings.total) if open_controls else 0.0
+    budget = Budget(seconds - kept, sys.stderr.isatty() if settings.progress is None else settings.progress)
     coarse, timed = solution, _timed(problem)
     spare: Attempt | None = None
     for coarse, arcs in _readings(task, solution, budget):
@@ -147,10 +152,24 @@ def polish(
         return _unpolished(result, spare.reason) if spare.reason else result
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
-    open_controls = slack(problem, solution)
     result = _on_moved_grid(solution, coarse, problem, budget)
+    if open_controls:
+        result, words = _with_least_effort(result, problem, replace(budget, seconds=seconds))
+        reason = f"{reason}; {open_controls}{words}"
     budget.show("")
-    return _unpolished(result, f"{reason}; {open_controls}" if open_controls else reason)
+    return _unpolished(result, reason)
+
+
+def _with_least_effort(result: Solution, problem: Problem, budget: Budget) -> tuple[Solution, str]:
+    """Return a motion in which controls that the cost leaves open take the least effort, and what to say of them."""
+    budget.show("no structure found, least effort")
+    settings = Ipopt(progress=False, max_seconds=max(budget.left, LAST))
+    eased = gentlest(result, problem, solver=settings)
+    dearer = (eased.cost - result.cost) / max(abs(result.cost), 1e-300)
+    if eased.message == result.message or not eased.message.endswith("gentlest") or dearer > DEARER:
+        return result, "; gentlest(...) does"
+    words = f"; it is that of least effort here, at {max(dearer, 0.0):.1e} of the cost"
+    return replace(eased, message=result.message), words
 
 
 def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:

@@ -93,6 +93,18 @@ def test_slack_axis_is_polished_with_least_effort():
     np.testing.assert_allclose(solution.u(t)[:, 1], 0.75 * (1 - t), atol=2e-3)
 
 
+def test_slack_axis_has_least_effort_where_no_structure_is_found():
+    coarse = solve(two_axes(), grid=uniform(40), solver=QUIET)
+    solution = polish(coarse, seconds=1e-9)
+    assert solution.structure is None
+    assert "the cost does not determine u_2 (100%) of the motion; it is that of least effort here" in solution.message
+    assert solution.ok
+    assert solution.cost == solution.duration == pytest.approx(2.0, abs=1e-5)
+    t, d, T = np.linspace(0.03, 1.97, 50), 0.5, 2.0
+    np.testing.assert_allclose(solution.u(t)[:, 1], 6 * d / T**2 * (1 - 2 * t / T), atol=0.03)
+    assert verify(solution).ok
+
+
 def test_which_controls_are_undetermined():
     assert undetermined(two_axes()).tolist() == [0, 1]
     free = two_axes()
