@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.compilation import Compilation, Compile
+from ocp.transcription.compiled_blocks import LARGE, Points, point_functions
 from ocp.transcription.implicit import Inner
 from ocp.transcription.scaled_nlp import derivative_functions
 
@@ -80,6 +82,24 @@ class Local:
         slopes = linear + outer @ ca.diagcat(*ca.horzsplit(slope, ny)) @ inner
         upper = inner.T @ ca.diagcat(*ca.horzsplit(curved, ny)) @ inner
         return Derived(w, lam, ca.densify(results), slopes, ca.triu(upper))
+
+    def points(self, whole: Derived, number: int) -> Points | None:
+        """Return the functions of one point, for compilation; None if those of the whole compile faster.
+
+        Args:
+            whole: results and derivatives as expressions in w.
+            number: of the block, for names.
+        """
+        if self.values.is_zero() or len(self.terms) < 2 or self.copies < 2:
+            return None
+        derivatives = self.made or derivatives_of(self.values, self.arguments, self.inputs, self.inner, True)
+        if derivatives[1].n_instructions() < LARGE:
+            return None
+        used = np.sum([np.abs(outer) for outer, _ in self.terms], axis=0)
+        made = point_functions(derivatives, (self.arguments, *self.inputs), used, number)
+        wanted = {"slopes": whole.slopes[:-1, :], "gradient": whole.slopes[-1, :], "curvature": whole.upper}
+        patterns = {name: part.sparsity() for name, part in wanted.items()}
+        return Points(*made, self.terms, self.linear, patterns)
 
     @property
     def linear_cost(self) -> bool:
@@ -190,14 +210,21 @@ def assemble(
     functions = [
         here.functions(local.inputs, k) for k, ((local, _), here) in enumerate(zip(blocks, derived, strict=True))
     ]
-    compilation = None
+    compilation, points = None, dict[int, Points]()
     if translate is not None:
-        repeated = [(k, part) for k, (local, _) in enumerate(blocks) if local.copies > 1 for part in functions[k]]
-        compilation = translate([functions[k][part] for k, part in repeated])
+        given = [local.points(here, k) for k, ((local, _), here) in enumerate(zip(blocks, derived, strict=True))]
+        points = {k: one for k, one in enumerate(given) if one is not None}
+        sources = [points[k].functions if k in points else parts for k, parts in enumerate(functions)]
+        repeated = [(k, part) for k, (local, _) in enumerate(blocks) if local.copies > 1 for part in sources[k]]
+        compilation = translate([sources[k][part] for k, part in repeated])
         for (k, part), function in zip(repeated, compilation.functions, strict=True):
-            functions[k][part] = function
+            sources[k][part] = function
     for k, (local, inputs) in enumerate(blocks):
-        here, mapped = derived[k], {part: function.map(local.copies) for part, function in functions[k].items()}
+        here, mapped = derived[k], dict[str, Any]()
+        if k in points:
+            mapped |= points[k].mapped(list(functions[k]))
+        else:
+            mapped |= {part: function.map(local.copies) for part, function in functions[k].items()}
         at = [ca.reshape(z[local.unknowns.T.ravel().tolist()], *local.unknowns.shape), *inputs]
         if "rows" in mapped:
             value, nonzeros = mapped["slopes"](*at)

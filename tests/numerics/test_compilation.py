@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from catalogue.problems import bryson_denham, cops, crane, two_link
 
-from models import spherical
+from models import robots, spherical
 from models.effects import Gravity, Payload
 from models.forms import canonical
-from ocp import Sequence, point_to_point, prepare, uniform
+from ocp import Bolza, Sequence, along, point_to_point, prepare, uniform
 from ocp.numerics import compilation
 from ocp.numerics.compilation import compiled, directory, pays
 
@@ -116,6 +116,30 @@ def test_programme_and_solution_are_the_same(cache, known):
     assert other.ok
     assert other.cost == pytest.approx(one.cost, rel=1e-10)
     assert other.duration == pytest.approx(one.duration, rel=1e-10)
+
+
+@pytest.mark.slow
+@needs_compiler
+@pytest.mark.parametrize("heated", [False, True])
+def test_a_large_point_is_compiled_once(cache, heated, monkeypatch):
+    """The functions of one point of a UR5, not those of an element with its copies: same NLP, a third of the code."""
+    arm, n = canonical(robots.ur5(), [Gravity()]), 6
+    task = point_to_point(arm, [0.0, -1.0, 0.5, -1.0, 0.3, 0.2], [0.3, -0.7, 0.8, -0.7, 0.6, 0.5], tau=50.0, v=2.0)
+    if heated:
+        effort = Bolza(time=1.0, running=1e-4 * ca.sumsqr(arm["tau"]) + 1e-3 * ca.sumsqr(arm["v"]))
+        task = replace(task, minimise=effort, subject_to=(*task.subject_to, along(arm["tool"][2], 0.1)))
+    plain, fast = (prepare(task, grid=uniform(12), compiled=which) for which in (False, True))
+    (library,) = libraries(cache)
+    size = library.stat().st_size
+    one, other = plain(), fast()
+    assert one.ok
+    assert other.iterations == one.iterations
+    assert other.duration == pytest.approx(one.duration, rel=1e-12)
+    assert np.allclose(other.states, one.states, rtol=0, atol=1e-9)
+    assert one.states.shape[-1] == 2 * n
+    monkeypatch.setattr("ocp.transcription.derivatives.LARGE", 10**9)
+    prepare(task, grid=uniform(12), compiled=True)
+    assert size < 0.6 * max(path.stat().st_size for path in libraries(cache))
 
 
 @needs_compiler
