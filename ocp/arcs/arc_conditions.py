@@ -17,8 +17,8 @@ from ocp.problem.state_constraints import StateLimit
 from ocp.solution.structure import Arc, Contact
 from ocp.transcription.arc_layout import Condition
 from ocp.transcription.conditions import condition_function
-from ocp.transcription.derivatives import Repeated
 from ocp.transcription.direct_collocation import free_parameters
+from ocp.transcription.local_functions import Repeated
 
 
 def conditions_of(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: float) -> tuple[LimitCondition, ...]:

@@ -26,7 +26,8 @@ from ocp.problem.constraints import Where
 from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc
 from ocp.solving.guess_conversion import from_solution
-from ocp.solving.ipopt import QUIET_SECONDS, Ipopt
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.iteration_watch import QUIET_SECONDS
 from ocp.transcription.guess import Guess
 
 EVEN = np.array([0.0, 1.0]), np.zeros(1)  # no density of elements

@@ -21,7 +21,8 @@ from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status
 from ocp.solving.first_guesses import phase_guesses, scattered, smooth
 from ocp.solving.guess_conversion import AnySolution
-from ocp.solving.ipopt import QUIET_SECONDS, Ipopt
+from ocp.solving.ipopt import Ipopt
+from ocp.solving.iteration_watch import QUIET_SECONDS
 from ocp.solving.nlp_solver import NlpSettings
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.transcription.grid import Grid

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from ocp.checks import Array
-from ocp.transcription.derivatives import Repeated
+from ocp.transcription.local_functions import Repeated
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ import numpy as np
 from ocp.checks import Array
 from ocp.problem.problem import Problem
 from ocp.transcription.arc_layout import Condition
-from ocp.transcription.derivatives import Local, Repeated, repeated
 from ocp.transcription.element_points import block_diagonal, control_matrix, unknowns_of
 from ocp.transcription.layout import Layout
+from ocp.transcription.local_functions import Local, Repeated, repeated
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Scheme
 

@@ -7,6 +7,7 @@ depend on the number of elements.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,16 +19,19 @@ from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.problem import Fixed, Problem
 from ocp.transcription.arc_layout import ArcLayout, Penalty
 from ocp.transcription.conditions import at_points
-from ocp.transcription.derivatives import Local, assemble
+from ocp.transcription.derivatives import assemble
 from ocp.transcription.element_points import block_diagonal, control_matrix, each, path_points, row_parts, unknowns_of
 from ocp.transcription.equality_rows import equality_conditions
 from ocp.transcription.grid import Grid
 from ocp.transcription.implicit import inner_of
 from ocp.transcription.layout import Layout, lay_out
+from ocp.transcription.local_functions import Local
 from ocp.transcription.nlp import Nlp
 from ocp.transcription.scaled_nlp import ScaledNlp
 from ocp.transcription.scaling import Scaling
 from ocp.transcription.schemes.scheme import Scheme
+
+Block = tuple[Local, list[ca.MX], Array]  # a local function, its inputs, and the scales of the rows of one copy
 
 
 def transcribe(
@@ -52,39 +56,26 @@ def transcribe(
     layout = lay_out(scheme, grid, nx, nu, 0 if fixed else arc_layout.arcs, len(free))
     path_parts, ends_parts = row_parts(problem, scheme)
     tau = tuple(path_points(scheme, problem.subject_to[i].expression[c], system.u) for i, c in path_parts)
-    held = list(zip(path_parts, tau, strict=True))
     symbols = _symbols(problem, layout, free, scaling)
     element = _element(problem, scheme, layout, symbols, path_parts, tau, arc_layout.arc)
     ends = _ends(problem, scheme, layout, symbols, ends_parts)
 
     s = ca.MX.sym("s", np_ + fixed + n)
     p, duration, widths = s[:np_], s[np_ : np_ + fixed], s[-n:]
-    sizes = [
-        np.concatenate(
-            [np.ones(len(scheme.rate) * nx), *(np.full(len(t), scaling.of_constraint(*k)) for k, t in held)]
-        ),
-        np.array([scaling.of_constraint(i, c) for i, c, _ in ends_parts]),
-    ]
-    blocks = [(element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T]), (ends, [p, duration])]
+    of_path = [np.full(len(t), scaling.of_constraint(*part)) for part, t in zip(path_parts, tau, strict=True)]
+    of_ends = np.array([scaling.of_constraint(i, c) for i, c, _ in ends_parts])
     conditions = arc_layout.conditions + equality_conditions(problem, scheme, n, scaling)
-    for condition in conditions:
-        local = at_points(problem, scheme, layout, (scaling, free), condition, arc_layout.arc)
-        blocks.append((local, [ca.repmat(p, 1, local.copies)]))
-        sizes.append(np.ones(local.rows))
-    for penalty in arc_layout.penalties:
-        reference = ca.MX(ca.DM(penalty.reference.reshape(len(penalty.elements), -1).T.tolist()))
-        local = _penalty(layout, symbols, penalty, arc_layout.arc)
-        blocks.append((local, [widths[penalty.elements.tolist()].T, reference]))
-        sizes.append(np.zeros(0))
-    if arc_layout.total:
-        blocks.append((_sum_of_durations(layout, np.full(1, scaling.horizon), 0.0), []))
-        sizes.append(np.full(1, scaling.horizon))
-    if arc_layout.evenness:
-        blocks.append((_unevenness(layout, arc_layout.evenness), []))
-        sizes.append(np.zeros(0))
-    scaled = [(local.divided(own, scaling.cost), inputs) for (local, inputs), own in zip(blocks, sizes, strict=True)]
+    held = [at_points(problem, scheme, layout, (scaling, free), one, arc_layout.arc) for one in conditions]
+    blocks: list[Block] = [
+        (element, [ca.repmat(p, 1, n), ca.repmat(duration, 1, n), widths.T],
+         np.concatenate([np.ones(len(scheme.rate) * nx), *of_path])),
+        (ends, [p, duration], of_ends),
+        *((local, [ca.repmat(p, 1, local.copies)], np.ones(local.rows)) for local in held),
+        *_of_arcs(arc_layout, layout, symbols, widths),
+    ]  # fmt: skip
+    scaled = [(local.divided(own, scaling.cost), inputs) for local, inputs, own in blocks]
     expressions, derivatives, compilation = assemble(scaled, ca.MX.sym("z", layout.size), s, translate)
-    of_rows = np.concatenate([np.tile(own, local.copies) for (local, _), own in zip(blocks, sizes, strict=True)])
+    of_rows = np.concatenate([np.tile(own, local.copies) for local, _, own in blocks])
     rows = np.arange(n * element.rows).reshape(n, -1)
     defects, *path = np.split(rows, np.cumsum([len(scheme.rate) * nx, *(len(t) for t in tau)])[:-1], axis=1)
     counts = rows.size + np.cumsum([0, len(ends_parts), *(c.rows for c in conditions)])
@@ -195,6 +186,19 @@ def _ends(
         ca.vertcat(*rows, cost), ca.vertcat(first, last, symbols.shared), (symbols.p, symbols.given), linear,
         [(np.eye(len(rows) + 1), inner @ np.eye(len(indices))[number])], indices[:, None],
     )  # fmt: skip
+
+
+def _of_arcs(arc_layout: ArcLayout, layout: Layout, symbols: _Symbols, widths: ca.MX) -> Iterator[Block]:
+    """Yield the penalties of an arc layout, the row for the sum of its durations, and their evenness."""
+    for penalty in arc_layout.penalties:
+        reference = ca.MX(ca.DM(penalty.reference.reshape(len(penalty.elements), -1).T.tolist()))
+        local = _penalty(layout, symbols, penalty, arc_layout.arc)
+        yield local, [widths[penalty.elements.tolist()].T, reference], np.zeros(0)
+    if arc_layout.total:
+        scale = np.full(1, symbols.scaling.horizon)
+        yield _sum_of_durations(layout, scale, 0.0), [], scale
+    if arc_layout.evenness:
+        yield _unevenness(layout, arc_layout.evenness), [], np.zeros(0)
 
 
 def _penalty(layout: Layout, symbols: _Symbols, penalty: Penalty, arc: Array) -> Local:

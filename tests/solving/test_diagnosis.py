@@ -35,7 +35,7 @@ from ocp import (
     verify,
 )
 from ocp.solution.integration_drift import drift
-from ocp.solving import diagnosis, ipopt
+from ocp.solving import diagnosis, iteration_watch
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "failures.md"
 
@@ -103,14 +103,16 @@ def test_a_duration_below_the_speed_limit_is_found_before_solving() -> None:
 
 
 def test_ctrl_c_returns_the_last_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
-    evaluate = ipopt.Watch.eval_buffer
+    evaluate = iteration_watch.Watch.eval_buffer
 
-    def pressed_in_the_third_iteration(watch: ipopt.Watch, arg: list[memoryview], res: list[memoryview]) -> int:
+    def pressed_in_the_third_iteration(
+        watch: iteration_watch.Watch, arg: list[memoryview], res: list[memoryview]
+    ) -> int:
         if watch.count == 2:
             os.kill(os.getpid(), signal.SIGINT)
         return evaluate(watch, arg, res)
 
-    monkeypatch.setattr(ipopt.Watch, "eval_buffer", pressed_in_the_third_iteration)
+    monkeypatch.setattr(iteration_watch.Watch, "eval_buffer", pressed_in_the_third_iteration)
     prepared = prepare(point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES), grid=uniform(50))
     before = signal.getsignal(signal.SIGINT)
     solution = prepared()
@@ -131,7 +133,7 @@ def test_a_collocated_control_beyond_its_limits_is_told() -> None:
 
 
 def test_progress_on_a_long_solve(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ipopt, "QUIET_SECONDS", -1.0)
+    monkeypatch.setattr(iteration_watch, "QUIET_SECONDS", -1.0)
     task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
     assert solve(task, grid=uniform(300), solver=Ipopt(progress=True)).ok
     printed = capsys.readouterr().err
