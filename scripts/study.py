@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     store = options.store or options.study.with_suffix(".db")
     try:
         study, document = study_file.load(options.study, store)
+        study = study if options.starts is None else replace(study, starts=options.starts)
         if options.resume:
             _check_resume(study, store)
         if options.dry_run:
@@ -88,6 +90,10 @@ def command_line() -> argparse.ArgumentParser:
     parser.add_argument("--jobs", type=_jobs, default=1, metavar="N", help="processes at once (default: 1)")
     parser.add_argument("--executor", metavar="KIND", help=f"{', '.join(KINDS)} (default: here, or processes)")
     parser.add_argument("--batch", type=_jobs, metavar="N", help="cases sent to a cluster at once, for cheap cases")
+    parser.add_argument(
+        "--starts", type=_jobs, metavar="N",
+        help="starts of the search for local optima of every case solved cold (default: of the file, 1)",
+    )  # fmt: skip
     parser.add_argument("--dry-run", action="store_true", help="say what would be computed, and stop")
     parser.add_argument("--retry-failed", action="store_true", help="try failed cases again, with all first guesses")
     parser.add_argument("--export", type=Path, action="append", default=[], metavar="FILE", help=".csv or .parquet")

@@ -87,7 +87,7 @@ def print_budget(scene: Scene, task: Task, document: Table, options: argparse.Na
     def note(text: str) -> None:
         print(f"[{time.perf_counter() - begun:6.1f} s] {text}", file=sys.stderr, flush=True)
 
-    table = budget.effect_budget(scene, task, uniform(task.elements), _silent if quiet else note)
+    table = budget.effect_budget(scene, task, uniform(task.elements), _silent if quiet else note, options.starts)
     if options.report:
         from html_reports.budget_page import write_budget_report
 

@@ -15,8 +15,9 @@ from ocp.problem.sequence import Sequence
 from ocp.solution.solution import Solution
 from ocp.solution.storage import decode
 from ocp.solving.guess_ladder import DEFAULT
-from ocp.solving.guess_rungs import Smooth, StraightLine
+from ocp.solving.guess_rungs import Rung, Smooth, StraightLine
 from ocp.solving.ipopt import Ipopt
+from ocp.solving.local_optima import multistart
 from ocp.solving.prepared_nlp import Prepared, prepare
 from ocp.studies.case_call import call
 from ocp.studies.designs import Case
@@ -43,7 +44,7 @@ class StudySettings:
             comes first in a process.
         measure: of a solution, returns name -> number.
         scheme, grid, solver: as for `ocp.solve`.
-        polished, neighbours, checked, slopes, compiled, verified, gentle: as for `ocp.Study`.
+        polished, neighbours, checked, slopes, compiled, verified, gentle, starts: as for `ocp.Study`.
     """
 
     identity: str
@@ -60,6 +61,7 @@ class StudySettings:
     compiled: bool
     verified: bool = False
     gentle: bool = False
+    starts: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class CaseSolver:
         prepared = self._nlp(problem, values)
         ladder = DEFAULT if task.thorough else SHORT_LADDER
         if isinstance(problem, Sequence):
-            return Solved(prepared(ladder, values), "cold")
+            return Solved(self._cold(prepared, ladder, values), "cold")
         result, note = self._from_neighbour(task, problem, prepared, values)
         if task.compare:
             if result is None:
@@ -144,13 +146,24 @@ class CaseSolver:
             continued = self._continued(task.case, near.case, lambda own: decode(near.content, own, near.id))
             result = self._polished(task, continued, "continued") if continued is not None else None
         if result is None:
-            cold = prepared(ladder, values)
+            cold = self._cold(prepared, ladder, values)
             if task.thorough and not cold.ok and (continued := self._from_lighter(task.case, problem, values)):
                 return replace(self._polished(task, continued, "continued"), note=note)
             return replace(self._polished(task, cold, "cold"), note=note)
         if not self.settings.neighbours or not is_checked(task.id, self.settings.checked) or result.way == "cold":
             return replace(result, note=note)
-        return replace(self._better(task, result, prepared(ladder, values)), note=note)
+        return replace(self._better(task, result, self._cold(prepared, ladder, values)), note=note)
+
+    def _cold(self, prepared: Prepared, ladder: tuple[Rung, ...], values: dict[str, float]) -> Any:
+        """Return the solution without a neighbour: from the ladder of guesses, or the best of several starts."""
+        first, given = prepared(ladder, values), self.settings
+        if given.starts == 1:
+            return first
+        optima = multistart(
+            prepared.problem, given.starts, scheme=given.scheme, grid=given.grid, solver=given.solver, values=values,
+            first=first,
+        )  # fmt: skip
+        return optima[0].solution if optima else first
 
     def _from_neighbour(
         self, task: OpenCase, problem: Problem, prepared: Prepared, values: dict[str, float]
@@ -164,8 +177,9 @@ class CaseSolver:
             if carried.ok and carried.structure is not None:
                 return Solved(carried, "carried", task.structure.id), ""
             note = f"structure not carried over: {carried.message}"
+        ladder = DEFAULT if task.thorough else SHORT_LADDER
         if not task.compare and limits_broken(near, problem, values) > ALLOWED:
-            cold = prepared(DEFAULT if task.thorough else SHORT_LADDER, values)
+            cold = self._cold(prepared, ladder, values)
             if cold.ok:
                 return self._polished(task, cold, "cold"), note
         warm = prepared.proceed(near, values)

@@ -69,6 +69,7 @@ class Study:
             for studies without polish of at least 100 cases, which is when it pays.
         settings: anything else that results depend on; part of the identity.
         gentle: whether drives with slack move with the least effort (`gentlest`) where a motion is not polished.
+        starts: of the search for other local optima wherever a case is solved cold; the best one counts.
         verified: whether every solution is checked by `verify` as well; column `verified`, reasons in the message.
 
     Raises:
@@ -90,6 +91,7 @@ class Study:
     settings: Mapping[str, Any] = field(default_factory=dict)
     verified: bool = False
     gentle: bool = False
+    starts: int = 1
 
     def __post_init__(self) -> None:
         if not isinstance(self.function, Problem | Phases):
@@ -106,6 +108,7 @@ class Study:
         checks.instance("Study: solver", self.solver, Ipopt, "settings of the solver, Ipopt(...)")
         for name in ("polished", "neighbours", "slopes", "verified", "gentle"):
             checks.truth(f"Study: {name}", getattr(self, name))
+        checks.whole("Study: starts", self.starts, 1)
         checks.instance("Study: compiled", self.compiled, bool | None, "True, False, or None for where it pays")
         share = "a share between 0 and 1"
         if checks.number("Study: checked", self.checked, share, at_least=0.0) > 1.0:
@@ -149,6 +152,7 @@ class Study:
         )
         own += ("verified",) if self.verified else ()  # type: ignore[assignment]
         own += ("gentle",) if self.gentle else ()  # type: ignore[assignment]
+        own += (("starts", self.starts),) if self.starts > 1 else ()  # type: ignore[assignment]
         parts = (self.function, own, dict(self.settings), versions())
         return identify(parts, self.settings, strict=self.store is not None)
 
@@ -215,7 +219,7 @@ class Study:
             settings = StudySettings(
                 self.identity, self.function, self._first, self.measure, self.scheme, self.grid, self.solver,
                 self.polished, self.neighbours, self.checked, self.slopes, self._compiled, self.verified,
-                self.gentle,
+                self.gentle, self.starts,
             )  # fmt: skip
             plan = Plan(settings, self.cases, self.ids, self._parents)
             carry_out(plan, store, executor, retry_failed, watch)

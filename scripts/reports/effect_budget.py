@@ -11,7 +11,7 @@ from models import Scene
 from models.mechanics.terms import name_of
 from models.plots.signals import phases
 from models.scenes.task import Task
-from ocp import Grid, SequenceSolution, Solution, Status, Timings, radau, solve, verify
+from ocp import Grid, SequenceSolution, Solution, Status, Timings, multistart, radau, solve, verify
 from reports.motion_table import at_points, finite
 
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -93,7 +93,9 @@ class Budget:
         return "\n".join([*(line.rstrip() for line in text), *notes, *foot])
 
 
-def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str], None] = lambda _: None) -> Budget:
+def effect_budget(
+    scene: Scene, task: Task, grid: Grid, progress: Callable[[str], None] = lambda _: None, starts: int = 1
+) -> Budget:
     """Return what each effect of a scene costs, by solving the task with each effect left out.
 
     A time-optimal problem has local optima: each scene is solved from the default guess, and, where the states are
@@ -104,10 +106,11 @@ def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str]
         task: of the scene; limits on signals of an effect are left out with the effect.
         grid: of every leg.
         progress: called with what is being solved.
+        starts: of the search for local optima of every row.
     """
     labels = scene.system.label("tau", len(scene.machine.coordinates))
     progress("budget: the whole scene ...")
-    whole, first = _row("", scene, task, grid, None)
+    whole, first = _row("", scene, task, (grid, starts), None)
     rows, motions = [whole], [first if whole.ok else None]
     for number, effect in enumerate(scene.effects, 1):
         name = name_of(effect)
@@ -115,7 +118,8 @@ def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str]
         motion = None
         try:
             bare = scene.without(effect)
-            row, motion = _row(name, bare, task.known_to(bare.system), grid, first if whole.ok else None)
+            near = first if whole.ok else None
+            row, motion = _row(name, bare, task.known_to(bare.system), (grid, starts), near)
         except (ValueError, KeyError) as error:
             nothing = (np.nan,) * len(labels)
             row = Row(name, None, False, str(error), np.nan, nothing, np.nan, np.nan, np.nan, 0)
@@ -125,9 +129,9 @@ def effect_budget(scene: Scene, task: Task, grid: Grid, progress: Callable[[str]
 
 
 def _row(
-    name: str, scene: Scene, task: Task, grid: Grid, near: Solution | SequenceSolution | None
+    name: str, scene: Scene, task: Task, how: tuple[Grid, int], near: Solution | SequenceSolution | None
 ) -> tuple[Row, Solution | SequenceSolution]:
-    problem = task.problem(scene.system)
+    problem, (grid, starts) = task.problem(scene.system), how
     cold = best = solve(problem, scheme=radau(3), grid=grid)
     message = ""
     if near is not None and _fits(near, scene):
@@ -136,6 +140,10 @@ def _row(
             message = f"two local optima, {min(warm.cost, cold.cost):.6g} and {max(warm.cost, cold.cost):.6g}"
         if warm.ok and (not cold.ok or warm.cost < cold.cost):
             best = warm
+    if starts > 1:
+        optima = multistart(problem, starts, scheme=radau(3), grid=grid, first=best)
+        best = optima[0].solution if optima else best
+        message = optima.message.partition("; ")[2] if len(optima) > 1 else message
     report = verify(best)
     faults = report.failures if best.ok else (best.message,)
     peak, work, net = _effort(best, scene)

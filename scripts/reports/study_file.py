@@ -27,7 +27,8 @@ from reports.drive_measures import measures
 LISTS: dict[str, Callable[..., Design]] = {snake(kind.__name__): kind for kind in (Product, Zip)}
 SAMPLES: dict[str, Callable[..., Design]] = {snake(kind.__name__): kind for kind in (Random, LatinHypercube, Sobol)}
 SPACINGS: dict[str, Callable[..., np.ndarray]] = {"linear": np.linspace, "log": np.geomspace}
-STUDY = ("over", "design", "count", "seed", "polished", "neighbours", "checked", "slopes", "verified", "gentle")
+STUDY = ("over", "design", "count", "seed", "polished", "neighbours", "checked", "slopes", "verified", "gentle",
+         "starts")  # fmt: skip
 TEXTS = ("machine", "form", "frame")
 
 
@@ -114,7 +115,7 @@ def of_document(document: Table, store: str | Path | None) -> Study:
         scheme=radau(3), grid=uniform(task.elements), measure=measures, polished=_truth(table, "polished", False),
         neighbours=_truth(table, "neighbours", True), checked=table.number("checked", "", 0.05),
         slopes=_truth(table, "slopes", False), verified=_truth(table, "verified", False),
-        gentle=_truth(table, "gentle", False),
+        gentle=_truth(table, "gentle", False), starts=table.entries.get("starts", 1),  # type: ignore[arg-type]  # Study checks it
     )  # fmt: skip
 
 
