@@ -55,9 +55,8 @@ def torques(
     draw_space(space, skeleton(table.machine, table.q[shown[:: max(1, len(shown) // PATH)]]))
     space.set_title("path of the tool, and the arm at seven times", fontsize=10)
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 10), fontsize=8, frameon=False)
-    figure.suptitle(
-        f"Torques of a motion of the {table.machine.name} manipulator, {table.t[-1] - table.t[0]:.5g} s", fontsize=11
-    )
+    rows = f"rows from {table.t[0]:.5g} to {table.t[-1]:.5g} s"
+    figure.suptitle(f"Torques of a motion of the {table.machine.name} manipulator, {rows}", fontsize=11)
     return saved(figure, path, dpi=130)
 
 

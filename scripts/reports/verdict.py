@@ -104,7 +104,7 @@ def _accuracy(solution: Solution | SequenceSolution, report: Report) -> str:
     if not np.isfinite(report.switching):
         return limits
     gain = max(float(report.switching), 0.0)
-    advice = "" if gain < SMALL else "; --polish finds it"
+    advice = "" if gain < SMALL else "; --polish or --accuracy finds it"
     return f"{limits}, and {_percent(gain, 'about ')} of the cost is left to gain nearby{advice}"
 
 
