@@ -74,7 +74,7 @@ def systems() -> tuple[Call, ...]:
             "where": A(Where.ALONG), "symbols": A(arm.u, frozenset({"symbol"}))}),
         Call("ocp.start", ocp.start, ends),
         Call("ocp.end", ocp.end, ends),
-        Call("ocp.along", ocp.along, ends),
+        Call("ocp.along", ocp.along, {**ends, "between": A(1e-3, POSITIVE | OPTIONAL)}),
         Call("ocp.integral", ocp.integral, ends),
         Call("ocp.absolute", ocp.absolute, {
             "system": A(arm), "expression": A(arm["q"], NOTHING, ("absolute",)), "name": A("absolute", ANY_TEXT)}),
