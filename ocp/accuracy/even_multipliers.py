@@ -54,9 +54,9 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     every element. By complementarity only the moved part of the multipliers, de_c/dt, contributes to the second
     term. nu_c >= 0 is not enforced; on problems with a known optimum the bound holds (tests/accuracy/test_adjoint.py).
 
-    Costates are returned unchanged for linear or collocated controls and where H is nonlinear in the controls (by more
-    than a small cost on effort): there is no saw-tooth then, and the switching functions measure the error due to the
-    shape of the control.
+    Costates are returned unchanged for continuous or collocated controls and where H is nonlinear in the controls (by
+    more than a small cost on effort): there is no saw-tooth then, and the switching functions measure the error due to
+    the shape of the control.
 
     Args:
         solution: of any status; elements with NaN or infinite values are returned unchanged.
@@ -69,7 +69,7 @@ def even(solution: Solution, problem: Problem) -> Adjoint:
     scheme, (count, d, nx) = solution.scheme, solution.costates.shape
     slack, nu = np.zeros(count), problem.system.u.numel()
     unchanged = Adjoint(solution.costates, slack, False)
-    if d < 2 or scheme.control is not Control.CONSTANT:
+    if d < 2 or scheme.control not in (Control.CONSTANT, Control.SEGMENTS):
         return unchanged
     function, low, high = _limits(problem)
     if not len(low):

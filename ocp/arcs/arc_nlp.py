@@ -10,20 +10,23 @@ from itertools import pairwise
 
 import numpy as np
 
+from ocp.arcs.arc_bounds import draw_in, open_ends_of, totals, with_free_horizon
 from ocp.arcs.arc_conditions import conditions_of
 from ocp.arcs.arc_penalties import penalties_of, value_of
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
+from ocp.arcs.arcs import durations
 from ocp.arcs.null_space_newton import Equations, as_equations
+from ocp.arcs.optimality_check import Crossing
 from ocp.arcs.simultaneous_switches import chosen_multipliers
-from ocp.arcs.state_limit_multipliers import LimitCondition, adjoin_directly
+from ocp.arcs.state_limit_multipliers import LimitCondition, adjoin_directly, pressed_elements
 from ocp.checks import Array
 from ocp.problem.constraints import Where
-from ocp.problem.problem import Free, Problem
+from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc, Kind
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.nlp_solver import NlpResult, PhysicalSolver, physical_solver
-from ocp.transcription.arc_layout import ArcLayout
+from ocp.transcription.arc_layout import ArcLayout, Condition
 from ocp.transcription.direct_collocation import free_parameters, transcribe
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
@@ -31,6 +34,7 @@ from ocp.transcription.nlp import Nlp, bounds
 from ocp.transcription.packing import pack
 from ocp.transcription.scaling import from_limits
 
+SHORT, TINY = 1e-3, 2e-7  # duration of an arc, share of the motion, below which it may shrink, and how far
 LEAST = 1e-9  # least width of an arc on the grid, share of the motion, as a grid must increase
 
 
@@ -41,12 +45,15 @@ class ArcNlp:
     Args:
         task: the problem.
         arcs: the structure.
-        elements: number of elements of each arc.
+        shares: (N,) width of each element, share of the duration of its arc.
         nlp: with one duration for each arc.
-        arc_layout: the arc of every element.
+        owner: (N,) index of the arc of each element.
+        arc_layout: durations of arcs, or of elements that are tied together.
         conditions: equations of state limits that are active.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
         spread: least and largest duration of an arc, shares of the guessed one.
+        open_ends: singular controls at the ends of elements on which they are free.
+        drawn_in: intervals in which state limits are tighter, by a share of their range.
         solver: IPOPT on the NLP; None if `equations` are solved instead.
         equations: the NLP without inequalities, for Newton's iteration; None if it has too many unknowns.
         setup: seconds spent on preparing.
@@ -54,8 +61,9 @@ class ArcNlp:
 
     task: ArcProblem
     arcs: tuple[Arc, ...]
-    elements: tuple[int, ...]
+    shares: Array
     nlp: Nlp
+    owner: Array
     arc_layout: ArcLayout
     conditions: tuple[LimitCondition, ...]
     limited: bool
@@ -63,17 +71,19 @@ class ArcNlp:
     equations: Equations | None
     setup: float
     spread: tuple[float, float] = (0.0, np.inf)
+    open_ends: tuple[tuple[int, Condition], ...] = ()
+    drawn_in: tuple[Crossing, ...] = ()
 
     def adapted(self, problem: Problem, numbers: tuple[float, ...]) -> ArcNlp:
         """Return the same NLP for other parameter values and a problem that differs in numbers only."""
-        nlp = replace(self.nlp, problem=_freed(problem))
+        nlp = replace(self.nlp, problem=with_free_horizon(problem))
         return replace(self, task=self.task.adapted(problem, numbers), nlp=nlp)
 
-    def start(self, guess: Guess, durations: Array) -> Array:
+    def start(self, guess: Guess, seconds: Array) -> Array:
         """Return the unknowns (nz,) of a guess of the motion and of the durations (A,) of its arcs [s]."""
-        grid = _grid(durations, self.arc_layout.arc, self._widths)
+        grid = _grid(seconds, self.owner, self.shares)
         z0 = pack(replace(self.nlp, grid=grid), guess, list(self.task.numbers))
-        z0[self.nlp.layout.horizon] = durations / self.nlp.scaling.horizon
+        z0[self.nlp.layout.horizon] = self._of_unknowns(seconds) / self.nlp.scaling.horizon
         return z0
 
     def restart(self, solution: Solution) -> Array:
@@ -81,9 +91,23 @@ class ArcNlp:
         layout, scaling, z0 = self.nlp.layout, self.nlp.scaling, np.zeros(self.nlp.layout.size)
         assert solution.structure is not None
         z0[layout.state], z0[layout.control] = solution.states / scaling.x, solution.controls / scaling.u
-        z0[layout.horizon] = np.array([arc.duration for arc in solution.structure.arcs]) / scaling.horizon
+        z0[layout.horizon] = self._of_unknowns(durations(solution.structure.arcs)) / scaling.horizon
         z0[layout.free] = np.array(list(solution.free.values())) / scaling.free
         return z0
+
+    def _of_unknowns(self, seconds: Array) -> Array:
+        """Return the durations that are unknowns, of arcs or of elements, from those of the arcs (A,)."""
+        return seconds[self.owner] * self.shares if self.tied else seconds
+
+    @property
+    def tied(self) -> bool:
+        """Whether the widths of the elements are the unknowns, tied together within arcs."""
+        return self.arc_layout.ties is not None
+
+    @property
+    def _widths(self) -> Array:
+        """(N,) widths of the elements as shares of the durations that are unknowns."""
+        return np.ones(len(self.shares)) if self.tied else self.shares
 
     def unlimited(self) -> ArcNlp:
         """Return the NLP without inactive limits and without durations >= 0.
@@ -118,34 +142,30 @@ class ArcNlp:
                 result = self.solver(np.clip(z0, low, high), numbers, sides)
             point = result.z, numbers, result.multipliers
             chosen = (
-                chosen_multipliers(self.task, self.nlp, self.arcs, self.arc_layout.arc, point, sides)
+                chosen_multipliers(self.task, self.nlp, self.arcs, self.owner, point, sides)
                 if result.status is Status.SOLVED else None
             )  # fmt: skip
             result = result if chosen is None else replace(result, multipliers=chosen)
         return self._motion(result, self.setup + time.perf_counter() - begun - result.seconds)
 
-    @property
-    def _widths(self) -> Array:
-        """(N,) widths of the elements as shares of the duration of their arc."""
-        return 1.0 / np.repeat(self.elements, self.elements)
-
     def _motion(self, results: NlpResult, setup: float) -> ArcMotion:
-        nlp, layout, scaling, arc = self.nlp, self.nlp.layout, self.nlp.scaling, self.arc_layout.arc
-        result = np.maximum(results.z[layout.horizon] * scaling.horizon, 0.0)
+        nlp, layout, scaling, arc = self.nlp, self.nlp.layout, self.nlp.scaling, self.owner
+        result = results.z[layout.horizon] * scaling.horizon
+        result = np.maximum(np.bincount(self.owner, result) if self.tied else result, 0.0)
         done = tuple(replace(a, duration=float(t)) for a, t in zip(self.arcs, result, strict=True))
         states, controls = results.z[layout.state] * scaling.x, results.z[layout.control] * scaling.u
         parameters = np.array(self.task.numbers)
         parameters[nlp.free] = results.z[layout.free] * scaling.free
         scheme, multipliers = self.task.scheme, results.multipliers[nlp.defects]
         costates = -np.einsum("ij,kia->kja", scheme.rate, multipliers) / scheme.weights[:, None] / scaling.x
-        grid = _grid(result, arc, self._widths)
+        grid = _grid(result, arc, self.shares)
         limit_multipliers, jumps = adjoin_directly(
             self.task.limits, self.conditions, nlp, results, (states, controls, costates), grid, parameters
         )
         penalty = sum(value_of(p, controls, grid.widths * result.sum()) for p in self.arc_layout.penalties)
         return ArcMotion(
             done, results, grid, arc, states, controls, costates, limit_multipliers, jumps, nlp.free, parameters, setup,
-            penalty,
+            penalty, pressed_elements(self.task.limits, nlp, results),
         )  # fmt: skip
 
     def sides(self) -> tuple[Array, Array, Array, Array]:
@@ -154,13 +174,20 @@ class ArcNlp:
         low, high, rows_low, rows_high = bounds(nlp)
         layout = nlp.layout
         lower, upper = (side / nlp.scaling.u for side in problem.limits(Where.ALONG, problem.system.u))
-        guessed = np.maximum([a.duration for a in self.arcs], 0.0) / nlp.scaling.horizon
+        guessed = self._of_unknowns(np.maximum(durations(self.arcs), 0.0)) / nlp.scaling.horizon
         low[layout.horizon], high[layout.horizon] = 0.0 if limited else -np.inf, np.inf
         if limited and np.isfinite(self.spread[1]):
             low[layout.horizon], high[layout.horizon] = np.outer(self.spread, guessed)
-        rows_low[nlp.total], rows_high[nlp.total] = _totals(problem)
-        for condition, rows in zip(self.conditions, nlp.conditions, strict=True):
+            seconds, ones = durations(self.arcs), np.ones(len(self.arcs))
+            short = self._of_unknowns((seconds < SHORT * seconds.sum()).astype(float))
+            low[layout.horizon] = np.where(
+                short > 0.0, TINY * guessed.sum() * self._of_unknowns(ones), low[layout.horizon]
+            )
+        rows_low[nlp.total], rows_high[nlp.total] = totals(problem)
+        for condition, rows in zip(self.conditions, nlp.conditions, strict=False):
             rows_low[rows] = rows_high[rows] = condition.value(limits) / condition.condition.scale
+        for (i, _), rows in zip(self.open_ends, nlp.conditions[len(self.conditions) :], strict=True):
+            rows_low[rows], rows_high[rows] = lower[i], upper[i]
         path = {part: index for index, part in enumerate(nlp.path_parts)}
         known = np.append(layout.state[0, 0], layout.state[-1, -1])  # bounds at both ends of the motion stay
         for limit in () if limited else limits:
@@ -170,10 +197,13 @@ class ArcNlp:
             else:
                 chosen = nlp.path[path[limit.constraint, limit.component]]
                 rows_low[chosen], rows_high[chosen] = -np.inf, np.inf
+        for crossing in self.drawn_in if limited else ():
+            ends = _grid(durations(self.arcs), self.owner, self.shares).ends * sum(durations(self.arcs))
+            draw_in(limits[crossing.contact.limit], crossing, nlp, ends, (low, high, rows_low, rows_high))
         if not limited:
             low[layout.control], high[layout.control] = -np.inf, np.inf
         for k, a in enumerate(self.arcs):
-            own = np.flatnonzero(self.arc_layout.arc == k)
+            own = np.flatnonzero(self.owner == k)
             for i, kind in enumerate(a.kinds):
                 if kind in (Kind.LOWER, Kind.UPPER):
                     pinned = layout.control[own, :, i]
@@ -196,25 +226,31 @@ class ArcNlp:
 
 def transcribe_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, weight: float = 0.0,
-    effort: bool = False,
+    effort: bool = False, limited: bool = False, shares: Array | None = None,
+    tied: bool = False,
 ) -> ArcNlp:  # fmt: skip
     """Return the NLP of a problem for a given structure, without a solver; arguments as for `prepare_arcs`."""
-    arc, durations = np.repeat(np.arange(len(arcs)), elements), np.array([a.duration for a in arcs])
-    grid = _grid(durations, arc, 1.0 / np.repeat(elements, elements))
-    freed = _freed(task.problem)
+    arc, seconds = np.repeat(np.arange(len(arcs)), elements), durations(arcs)
+    shares = 1.0 / np.repeat(elements, elements) if shares is None else shares
+    grid = _grid(seconds, arc, shares)
+    freed = with_free_horizon(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
     conditions = conditions_of(task, arcs, arc, guess.duration)
     penalties = penalties_of(task, arcs, arc, None if effort else guess, grid, weight)
-    arc_layout = ArcLayout(
-        arc, tuple(own.condition for own in conditions), bool(np.isfinite(_totals(task.problem)).any()), penalties
-    )
+    open_ends = open_ends_of(task, arcs, arc, scaling.u) if limited else ()
+    rows = (*(own.condition for own in conditions), *(condition for _, condition in open_ends))
+    inner = np.flatnonzero(np.diff(arc) == 0)
+    ties = (inner, shares[inner + 1] / shares[inner]) if tied else None
+    total = bool(np.isfinite(totals(task.problem)).any())
+    arc_layout = ArcLayout(np.arange(len(arc)) if tied else arc, rows, total, penalties, 0.0, ties)
     nlp = transcribe(freed, task.scheme, grid, scaling, arc_layout)
-    return ArcNlp(task, arcs, elements, nlp, arc_layout, conditions, True, None, None, 0.0)
+    return ArcNlp(task, arcs, shares, nlp, arc, arc_layout, conditions, True, None, None, 0.0, open_ends=open_ends)
 
 
 def prepare_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, settings: Ipopt,
     weight: float = 0.0, limited: bool = True, effort: bool = False, spread: tuple[float, float] = (0.0, np.inf),
+    drawn_in: tuple[Crossing, ...] = (), shares: Array | None = None, tied: bool = False,
 ) -> ArcNlp:  # fmt: skip
     """Transcribe a problem for a given structure and build its solver.
 
@@ -228,27 +264,15 @@ def prepare_arcs(
         effort: whether the penalty keeps them near zero instead.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
         spread: least and largest duration of an arc, shares of the guessed one; arcs that vanish hamper the solver.
+        drawn_in: intervals in which state limits are tighter.
+        shares: (N,) width of each element, share of the duration of its arc; None for equal ones.
+        tied: whether widths of elements are unknowns, tied together within arcs: sparser with many elements.
     """
     begun = time.perf_counter()
-    whole = transcribe_arcs(task, arcs, elements, guess, weight, effort)
+    whole = transcribe_arcs(task, arcs, elements, guess, weight, effort, limited, shares, tied)
     whole = whole if limited else whole.unlimited()
     solver = None if whole.equations else physical_solver(whole.nlp.scaled, settings)
-    return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread)
-
-
-def _freed(problem: Problem) -> Problem:
-    """Return the problem with a free horizon; a fixed duration becomes a constraint on the sum of arc durations."""
-    return (
-        problem if isinstance(problem.horizon, Free) else replace(problem, horizon=Free(guess=problem.horizon.duration))
-    )
-
-
-def _totals(problem: Problem) -> tuple[float, float]:
-    """Return lower and upper limit of the sum of all arc durations [s]."""
-    horizon = problem.horizon
-    if isinstance(horizon, Free):
-        return (horizon.lower if horizon.lower > 0.0 else -np.inf), horizon.upper
-    return horizon.duration, horizon.duration
+    return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread, drawn_in=drawn_in)
 
 
 def _simultaneous(arcs: tuple[Arc, ...]) -> int:

@@ -93,6 +93,7 @@ class ArcMotion:
         parameters: (np,) values of all parameters.
         setup: seconds spent on preparing the NLP.
         penalty: part of the cost of the result that the penalties on singular controls add.
+        pressed: (N,) whether a state limit that stays an inequality presses on an element at its points.
     """
 
     arcs: tuple[Arc, ...]
@@ -108,6 +109,7 @@ class ArcMotion:
     parameters: Array
     setup: float
     penalty: float
+    pressed: Array
 
     @property
     def duration(self) -> float:

@@ -23,6 +23,8 @@ EXCURSION = 0.05  # of a cell; shorter excursions are no arcs
 BRAKE = 5e-4  # duration of a braking arc that is too short to be seen, share of the motion
 ALIGNED = 1.2  # elements within which an interior arc begins or ends together with an arc on a state limit
 
+SHAPED = Control.COLLOCATED, Control.SEGMENTS  # shapes that differ from point to point of an element and jump between
+
 Stretch = tuple[float, Kind]  # start of a stretch of one control [s], and its kind
 Touch = tuple[float, Contact]
 
@@ -120,9 +122,9 @@ def _aligned(stretches: list[list[Stretch]], times: list[float], near: float) ->
 def cells(problem: Problem, solution: Solution) -> tuple[Array, Array, Array]:
     """Return the ends (C + 1,) of cells in time, the control (C, nu) and the switching functions (C, nu) in each."""
     scheme, grid = solution.scheme, solution.grid
-    marks = np.append(0.0, np.cumsum(scheme.weights)) if scheme.control is Control.COLLOCATED else np.array([0.0, 1.0])
+    marks = np.append(0.0, np.cumsum(scheme.weights)) if scheme.control in SHAPED else np.array([0.0, 1.0])
     marks[-1] = 1.0
-    middle = scheme.points if scheme.control is Control.COLLOCATED else np.array([0.5])
+    middle = scheme.points if scheme.control in SHAPED else np.array([0.5])
     edges = (grid.ends[:-1, None] + grid.widths[:, None] * marks[:-1]).ravel()
     _, x, _, u = solution.samples(middle)
     costates = np.einsum("sd,kda->ksa", scheme.costate_at(middle), solution.costates).reshape(len(x), -1)

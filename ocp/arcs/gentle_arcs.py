@@ -3,204 +3,220 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from ocp.arcs.active_limits import pressing
-from ocp.arcs.arc_nlp import ArcNlp, prepare_arcs
+from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
-from ocp.arcs.arcs import durations, elements_of, key_of, refined
-from ocp.arcs.loose_arcs import held_exactly, loosened
-from ocp.arcs.optimality_check import Certificate, certify, complaint
-from ocp.arcs.revision import revisions, swapped, with_contact, with_hold, with_saturated, without_vanished
-from ocp.arcs.settling import EVEN, RESIDUAL, Attempt, Budget, denser, settle
+from ocp.arcs.arcs import durations, elements_of
+from ocp.arcs.loose_arcs import active_limits, freed, held_exactly, read_loosely, with_active_limits, without_islands
+from ocp.arcs.optimality_check import Certificate, Crossing, certify, complaint
+from ocp.arcs.revision import starts_of, with_saturated, without_vanished
+from ocp.arcs.settling import OVERSHOOT, Attempt, Budget, overshoot, settle
 from ocp.checks import Array
+from ocp.solution.integration_drift import drift
 from ocp.solution.solution import Solution, Status
 from ocp.solution.structure import Arc
 from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
 from ocp.transcription.guess import Guess
 
-EFFORT = 1e-3  # penalty on the squares of free controls, share of the cost per second
-NEAR = 1e-3  # penalty on their distance from those of least effort
-SPREADS = (0.4, 1.8), (0.2, 2.5), (0.0, np.inf)  # durations of arcs, shares of the guessed ones, NLP by NLP
+NEAR = 3e-4  # penalty on the distance of free controls from those of least effort, share of the cost per second
+SPREAD = 0.3, 2.0  # durations of arcs, shares of the guessed ones
 GENTLE = 1e-5  # gain, share of the cost, that controls may give away by taking the least effort
-ENOUGH = 2e-6  # the same, below which nothing more is tried
-EXCESS = 5e-6  # accepted violation of a state limit beside such controls, share of its range
-ROUGH = 1e-5  # accepted local error of the dynamics, share of the range of a state
-LOOSE = 28.0  # elements of a motion with state limits that are held by inequalities
-MOST_EFFORT, MOST_NEARER = 44, 90  # most elements while the structure still changes, and later
-WHERE_EXCEEDED = 3.0  # parts that an element is divided into where a state limit is exceeded between its points
-FEASIBLE, STATIONARY = 1e-7, 1e-3  # errors of an NLP that is nearly solved
-MOST = 20  # NLPs for one reading
-FAILURES = 2  # of them that are not solved
-NEARER = 3  # steps from least effort towards what the cost asks for, and refinements of the elements
-WRONG = "a multiplier of a state limit has the wrong sign"
-ITERATIONS, TOL, TOL_MOVED = 80, 1e-8, 3e-7
+ENOUGH = 5e-6  # the same, below which nothing more is tried
+EXCESS, MOST_EXCESS = 1e-6, 1e-4  # wanted and accepted violation of a state limit, share of its range
+FINE = 5e-7  # wanted local error of the dynamics, share of the range of a state
+LARGE = 1e-5  # the same, above which elements are divided; below, the limit is drawn in
+TIGHTER = 1.05  # by how much a state limit is drawn in where it is exceeded between points, share of the excess
+DRIFT, MOST_DRIFT = 7e-7, 5e-6  # wanted and accepted drift of the re-integrated motion, share of the range of a state
+SMALL = 2e-7  # wanted gain on an element, share of the cost
+PARTS = 4  # most parts that an element is divided into at once
+MOST_ELEMENTS = 120
+LEAST = 0.1  # width of an element that remains of one where an arc begins, share of the least width around
+ROUNDS, MORE = 7, 3  # NLPs for one reading, and from the first on that may be returned
+SHARPER, FEW = 2, 30  # NLPs with state limits held by equations, and their iterations
+AROUND = 2  # elements beside a limit that is held, on which it presses as well
+SAMPLES = 16  # of the guess on every element
+ITERATIONS, TOL = 100, 1e-7
 START = {
-    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-5),
-    "mumps_permuting_scaling": 0, "mumps_scaling": 0,
+    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-6),
+    "mu_init": 1e-6, "constr_viol_tol": 1e-9, "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A structure to be solved: its arcs, the guess, the density of elements, and how far durations may move."""
+    """A structure to be solved."""
 
     arcs: tuple[Arc, ...]
+    ends: Array  # of the elements [s]; arcs begin at some of them
     guess: Guess
-    density: tuple[Array, Array]
-    trust: int
+    crossings: tuple[Crossing, ...]  # state limits that are drawn in, and by how much
 
 
-def settle_gently(
-    task: ArcProblem, coarse: Solution, arcs: tuple[Arc, ...], settings: Ipopt, budget: Budget
-) -> Attempt:
-    """Solve the NLP of a structure whose free controls take the least effort, and revise it until it is sound.
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """The solution of a step, and how far its conditions are open."""
 
-    The durations of the arcs move by limited shares at first: arcs of a structure that is not quite right would shrink
-    to nothing at once otherwise, from where the NLP is hard to solve. Free controls that reach a bound are fixed there,
-    state limits that are active along arcs are held by an equation, and become inequalities again where that fails or
-    their multiplier has the wrong sign. At last the penalty on effort becomes one on the distance from those controls.
+    motion: ArcMotion
+    solution: Solution
+    certificate: Certificate
+    drift: float  # of the re-integrated motion, share of the range of a state
+
+    @property
+    def excess(self) -> float:
+        """Largest violation of a state limit, share of its range."""
+        return max((crossing.share for crossing in self.certificate.crossings), default=0.0)
+
+    @property
+    def score(self) -> float:
+        """Largest ratio of a figure to the wanted one; 1 or less if nothing is to do."""
+        return max(self.certificate.gap / ENOUGH, self.excess / EXCESS, self.drift / DRIFT)
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether it may be returned."""
+        return self.certificate.gap <= GENTLE and self.excess <= MOST_EXCESS and self.drift <= MOST_DRIFT
+
+
+def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: Budget) -> Attempt:
+    """Solve the NLP of a structure whose free controls keep close to those of least effort, until it is sound.
+
+    Controls are pinned only where they stay at a bound on whole elements of the given motion; elsewhere they are free
+    between their limits and linear on each element, so that they keep these everywhere, and state limits stay
+    inequalities. A pinned control whose switching function has the wrong sign is freed there. Where a state limit is
+    exceeded between the points of an element, it is drawn in by as much. Once little is left to gain, the motion with
+    polynomials of the scheme wanted, on which limits that are active along arcs are held by equations, is returned if
+    it is sound.
 
     Args:
-        task: the problem.
-        coarse: motion with least effort that the structure was read from.
-        arcs: the structure.
+        task: the problem, with the scheme wanted.
+        coarse: motion with least effort on a moved grid, with controls that are linear on each element.
         settings: of IPOPT.
         budget: of seconds.
-
-    Returns:
-        The motion; with a reason beside it if a multiplier of a state limit has the wrong sign.
     """
-    seen: set[tuple[object, ...]] = set()
-    loosely: frozenset[tuple[int, int]] = frozenset()  # state limits that stay inequalities
-    iterations = failures = 0
-    best, reason = None, "the structure does not settle"
-    now = _Step(arcs, from_solution(coarse), EVEN, 0)
-    rate = abs(coarse.cost) / coarse.duration
-    for count in range(MOST):
+    loose = replace(task, scheme=coarse.scheme)
+    arcs = read_loosely(task.problem, coarse)
+    ends = _divided(coarse.grid.ends * coarse.duration, _parts(coarse.error))
+    now = _Step(arcs, ends, from_solution(coarse, SAMPLES), ())
+    rate, iterations = abs(coarse.cost) / coarse.duration, 0
+    best: _Judged | None = None
+    sharper, more = SHARPER, MORE
+    reason = "the structure does not settle"
+    begin = replace(settings, tol=TOL, max_iter=ITERATIONS, extra={**settings.extra, **START})
+    for count in range(ROUNDS):
         if budget.left <= 0.0:
             break
-        if not task.loose(now.arcs):
-            # Nothing is left that effort could determine.
-            rest = settle(task, coarse, now.arcs, settings, budget, now.guess)
-            return replace(rest if rest.motion or best is None else best, iterations=iterations + rest.iterations)
         budget.show(f"structure {count + 1} with {len(now.arcs)} arcs")
-        nlp, motion = _solved(task, now, settings, budget, rate * EFFORT, True)
+        counts, shares = _elements(now.arcs, now.ends)
+        nlp = prepare_arcs(
+            loose, now.arcs, counts, now.guess, budget.limited(begin), rate * NEAR, spread=SPREAD,
+            drawn_in=now.crossings, shares=shares, tied=True,
+        )  # fmt: skip
+        motion = nlp.solve(nlp.start(now.guess, durations(now.arcs)))
         iterations += motion.result.iterations
-        seen.add(key_of(now.arcs))
-        solved = motion.result.status is Status.SOLVED
-        failures += int(not solved)
-        if not solved and (failures > FAILURES or not _near(motion)):
+        if motion.result.status is not Status.SOLVED:
             reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
-            held = frozenset((c.limit, c.side) for arc in now.arcs for c in arc.held if c.control >= 0)
-            other = loosened(now.arcs) if held else swapped(motion.arcs)
-            if failures > FAILURES or best is not None or key_of(other) in seen:
-                break
-            loosely |= held
-            # Inequalities at the points of elements need more of these.
-            now = replace(now, arcs=other, trust=0, density=(EVEN[0], np.full(1, LOOSE)) if held else now.density)
-            continue
-        solution, kept = motion.solution(task, coarse), without_vanished(motion.arcs)
-        now = replace(now, arcs=motion.arcs, guess=from_solution(solution))
-        other = held_exactly(task, motion, with_saturated(task.problem, motion, kept), loosely)
-        if key_of(other) not in seen:
-            now = replace(now, arcs=other, trust=min(now.trust, 1))
-            continue
-        if _limited(motion, nlp.arcs, nlp.spread):
-            now = replace(now, trust=now.trust + 1)
-            continue
-        if now.trust < len(SPREADS) - 1:
-            now = replace(now, trust=len(SPREADS) - 1)
-            continue
-        now = replace(now, density=denser(motion, solution))
-        certificate = certify(task, motion)
-        for _ in range(NEARER):
-            problem, nearer = _solved(task, now, settings, budget, rate * NEAR, False)
-            iterations += nearer.result.iterations
-            if nearer.result.status is not Status.SOLVED:
-                break
-            nlp, motion, solution = problem, nearer, nearer.solution(task, coarse)
-            certificate, kept = certify(task, motion), without_vanished(motion.arcs)
-            best = _judged(motion, solution, certificate, best) or best
-            density = _denser(motion, solution, certificate)
-            now = _Step(motion.arcs, from_solution(solution), density, now.trust)
-            fine, small = float(np.max(solution.error)) <= RESIDUAL, certificate.gap <= ENOUGH
-            if budget.left <= 0.0 or kept != motion.arcs or (fine and (small or certificate.signs)):
-                break
-        reason = complaint(task, certificate)
-        if best is not None and not best.reason and best.certificate is not None and best.certificate.gap <= ENOUGH:
             break
-        options = [kept]
-        if kept == motion.arcs:
-            loosely |= frozenset((c.limit, c.side) for _, c in certificate.released)
-            options = [loosened(kept, loosely), *_revised(task, nlp, motion, certificate)]
-        revised = next((o for o in options if key_of(o) not in seen), None)
-        if revised is None:
+        judged = _judged(loose, motion, coarse)
+        reason = complaint(loose, judged.certificate)
+        if judged.acceptable and (best is None or judged.score < best.score):
+            best = judged
+        if judged.certificate.gap <= GENTLE and sharper:
+            sharper -= 1
+            better = _sharpened(task, loose, judged, coarse, settings, budget)
+            if better is not None:
+                return replace(better, iterations=iterations + better.iterations)
+        more -= int(best is not None)
+        if judged.score <= 1.0 or not more:
             break
-        now = replace(now, arcs=revised, trust=1)
-    if best is not None:
-        return replace(best, iterations=iterations)
-    return Attempt(None, None, reason, iterations)
+        now = _next(loose, judged, now)
+    if best is None:
+        return Attempt(None, None, reason, iterations, loose)
+    motion = replace(best.motion, arcs=with_active_limits(loose, best.motion))
+    return Attempt(motion, best.certificate, "", iterations, loose)
 
 
-def _solved(
-    task: ArcProblem, now: _Step, settings: Ipopt, budget: Budget, weight: float, effort: bool
-) -> tuple[ArcNlp, ArcMotion]:
-    moved = effort and now.trust < len(SPREADS) - 1
-    start = {"mu_init": 1e-4 if effort and now.trust == 0 else 1e-5, **START}
-    begin = replace(
-        settings, tol=TOL_MOVED if moved else TOL, max_iter=ITERATIONS, extra={**settings.extra, **start}
-    )  # fmt: skip
-    spread = SPREADS[now.trust if effort else -1]
-    elements = refined(now.arcs, now.density)
-    most = MOST_EFFORT if effort else MOST_NEARER
-    elements = elements_of(now.arcs) if sum(elements) > most else elements
-    nlp = prepare_arcs(task, now.arcs, elements, now.guess, budget.limited(begin), weight, True, effort, spread)
-    return nlp, nlp.solve(nlp.start(now.guess, durations(now.arcs)))
-
-
-def _denser(motion: ArcMotion, solution: Solution, certificate: Certificate) -> tuple[Array, Array]:
-    """Return the density of elements that errors and state limits exceeded between the points ask for."""
-    ends, wanted = denser(motion, solution)
-    for crossing in certificate.crossings:
-        if crossing.share > EXCESS:
-            near = (ends[1:] * motion.duration > crossing.start) & (ends[:-1] * motion.duration < crossing.end)
-            wanted = np.where(near, np.maximum(wanted, WHERE_EXCEEDED / motion.grid.widths), wanted)
-    return ends, wanted
-
-
-def _near(motion: ArcMotion) -> bool:
-    """Return whether the NLP is nearly solved, so that the next one can begin there."""
-    log = motion.result.log
-    last = [log[name][-1] if log.get(name) else np.inf for name in ("inf_pr", "inf_du")]
-    return bool(last[0] < FEASIBLE and last[1] < STATIONARY)
-
-
-def _limited(motion: ArcMotion, arcs: tuple[Arc, ...], spread: tuple[float, float]) -> bool:
-    """Return whether an arc has the least or the largest duration that it may have."""
-    ratio = durations(motion.arcs) / np.maximum(durations(arcs), 1e-300)
-    return bool(np.any(ratio < 1.01 * spread[0]) or np.any(ratio > 0.99 * spread[1])) and spread[0] > 0.0
-
-
-def _judged(motion: ArcMotion, solution: Solution, certificate: Certificate, best: Attempt | None) -> Attempt | None:
-    """Return a motion that may be returned and is better than the best one; else None."""
-    exceeded = any(crossing.share > EXCESS for crossing in certificate.crossings)
-    rough = float(np.max(solution.error)) > ROUGH
-    if certificate.gap > GENTLE or exceeded or rough or without_vanished(motion.arcs) != motion.arcs:
+def _sharpened(
+    task: ArcProblem, loose: ArcProblem, judged: _Judged, coarse: Solution, settings: Ipopt, budget: Budget
+) -> Attempt | None:
+    """Solve once more with polynomials, state limits held by equations along arcs; None if that is not sound."""
+    motion, active = judged.motion, active_limits(loose, judged.motion)
+    held = np.any([np.zeros(len(motion.grid), dtype=bool), *active.values()], axis=0)
+    near = np.convolve(held, np.ones(2 * AROUND + 1), "same")[: len(held)] > 0.0
+    if budget.left <= 0.0 or np.any(motion.pressed & ~near):
+        return None  # a limit that presses on a part of an arc is held by more elements only
+    arcs = without_islands(held_exactly(loose, motion))
+    if not task.loose(arcs):
+        found = settle(task, judged.solution, arcs, settings, budget, again=False)
+        return None if found.motion is None else found
+    guess, iterations = from_solution(judged.solution, SAMPLES), 0
+    begin = replace(settings, max_iter=FEW, extra={**settings.extra, **START})
+    weight = abs(coarse.cost) / coarse.duration * NEAR
+    for effort in (True, False):
+        nlp = prepare_arcs(task, arcs, elements_of(arcs), guess, budget.limited(begin), weight, True, effort)
+        motion = nlp.solve(nlp.start(guess, durations(arcs)))
+        iterations += motion.result.iterations
+        if motion.result.status is not Status.SOLVED or without_vanished(motion.arcs) != motion.arcs:
+            return None
+        arcs, guess = motion.arcs, from_solution(motion.solution(task, coarse), SAMPLES)
+    sharp = _judged(task, motion, coarse)
+    sound = sharp.certificate.sound_within(ENOUGH, EXCESS) and sharp.drift <= DRIFT
+    if not sound or float(np.max(overshoot(sharp.solution))) > OVERSHOOT:
         return None
-    wrong = bool(certificate.jumps or certificate.released)
-    made = Attempt(motion, certificate, WRONG if wrong else "", 0)
-    if best is None or best.certificate is None:
-        return made
-    return made if (wrong, certificate.gap) < (bool(best.reason), best.certificate.gap) else None
+    return Attempt(motion, sharp.certificate, "", iterations, task)
 
 
-def _revised(task: ArcProblem, nlp: ArcNlp, motion: ArcMotion, certificate: Certificate) -> list[tuple[Arc, ...]]:
-    """Return structures to try next, the most promising first."""
-    kept, pressed = without_vanished(motion.arcs), pressing(nlp, motion)[:2]
-    met = [with_contact(kept, crossing, task.limits) for crossing in pressed]
-    met = [with_hold(task.problem, kept, crossing, task.limits) for crossing in pressed] + met
-    others = [other for other in met if other != kept]
-    return others + revisions(motion, certificate, task.limits)
+def _judged(task: ArcProblem, motion: ArcMotion, coarse: Solution) -> _Judged:
+    solution = motion.solution(task, coarse)
+    away = np.max(np.abs(drift(solution, task.problem)), axis=0)
+    size = np.maximum(np.ptp(solution.states, axis=(0, 1)), 1e-300)
+    return _Judged(motion, solution, certify(task, motion), float(np.max(away / size)))
+
+
+def _next(task: ArcProblem, judged: _Judged, now: _Step) -> _Step:
+    """Return the structure to solve next, with more elements where something is not fine enough."""
+    motion, certificate, solution = judged.motion, judged.certificate, judged.solution
+    arcs = with_saturated(task.problem, motion, without_vanished(motion.arcs))
+    ends, parts = motion.grid.ends * motion.duration, np.ones(len(motion.grid), dtype=int)
+    if certificate.gap > ENOUGH:
+        arcs = freed(arcs, certificate.signs)
+        parts = np.where(certificate.gains > SMALL, 2, parts)
+    if judged.drift > DRIFT:
+        parts = np.maximum(parts, _parts(solution.error))
+    for crossing in certificate.crossings:
+        inside = (ends[1:] > crossing.start) & (ends[:-1] < crossing.end) & (crossing.share > LARGE)
+        parts = np.where(inside, np.maximum(parts, 3), parts)
+    small = [c for c in certificate.crossings if EXCESS / 10.0 < c.share <= LARGE]
+    drawn = (*now.crossings, *(replace(c, share=TIGHTER * c.share) for c in small))
+    return _Step(arcs, _divided(ends, parts), from_solution(solution, SAMPLES), drawn)
+
+
+def _parts(error: Array) -> Array:
+    """Return into how many parts elements are divided for their local error (N,)."""
+    return np.asarray(np.clip(np.ceil((error / FINE) ** 0.2), 1.0, PARTS).astype(int))
+
+
+def _divided(ends: Array, parts: Array) -> Array:
+    """Return the ends of elements, each divided into equal parts, fewer ones if there are too many elements."""
+    for most in range(int(np.max(parts)), 0, -1):
+        some = np.minimum(parts, most)
+        if np.sum(some) <= MOST_ELEMENTS:
+            break
+    widths = np.repeat(np.diff(ends) / some, some)
+    return np.append(ends[0], ends[0] + np.cumsum(widths))
+
+
+def _elements(arcs: tuple[Arc, ...], ends: Array) -> tuple[tuple[int, ...], Array]:
+    """Return the number of elements of every arc and their widths as shares of it, cut where arcs begin."""
+    counts, shares = [], []
+    starts = starts_of(arcs)
+    for a, b in pairwise(starts):
+        least = LEAST * np.min(np.append(np.diff(ends)[(ends[1:] > a) & (ends[:-1] < b)], b - a))
+        inner = ends[(ends > a + least) & (ends < b - least)]
+        widths = np.diff(np.concatenate([[a], inner, [b]]))
+        counts.append(len(widths))
+        shares.append(widths / widths.sum())
+    return tuple(counts), np.concatenate(shares)

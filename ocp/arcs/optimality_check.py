@@ -56,6 +56,7 @@ class Certificate:
         crossings: state limits exceeded, the worst first.
         jumps: of costates, with the wrong sign.
         released: (arc, contact) of state limits active along an arc with a multiplier of the wrong sign.
+        gains: (N,) part of each element of the gap.
     """
 
     gap: float
@@ -63,6 +64,7 @@ class Certificate:
     crossings: tuple[Crossing, ...]
     jumps: tuple[Jump, ...]
     released: tuple[tuple[int, Contact], ...]
+    gains: Array
 
     @property
     def sound(self) -> bool:
@@ -91,7 +93,7 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
         constraints, SIAM Review 37, 1995 (direct adjoining).
     """
     limits, scheme = task.limits, task.scheme
-    gap, signs = _signs(task, motion)
+    each, signs = _signs(task, motion)
     cost = max(abs(motion.result.cost), 1e-300)
     sizes = [limit.range / cost for limit in limits]
     # At an upper limit multipliers and jumps are positive, at a lower one negative. Jumps at the ends of an arc on a
@@ -110,7 +112,7 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
         for p, push in zip(motion.limit_multipliers, pushes, strict=True)
         if push * sizes[p.contact.limit] < -RELEASED
     )
-    return Certificate(gap, signs, _crossings(task, motion), jumps, released)
+    return Certificate(float(each.sum()), signs, _crossings(task, motion), jumps, released, each)
 
 
 def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
@@ -141,8 +143,8 @@ def complaint(task: ArcProblem, certificate: Certificate) -> str:
     return reason
 
 
-def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign, ...]]:
-    """Return the gap and the intervals with a wrong sign, worst first."""
+def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign, ...]]:
+    """Return the gap of every element (N,) and the intervals with a wrong sign, worst first."""
     problem, scheme = task.problem, task.scheme
     tau = np.concatenate([[0.0], scheme.points[(scheme.points > 0.0) & (scheme.points < 1.0)], [1.0]])
     n, s = len(motion.grid), len(tau)
@@ -151,7 +153,10 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
     costates = np.einsum("sm,kma->ksa", scheme.costate_at(tau), motion.costates).reshape(n * s, -1)
     low, high = problem.limits(Where.ALONG, problem.system.u)
     result = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
-    gains = np.where(np.abs(result.shares) > SIGNIFICANT, result.gains, 0.0)
+    shares, gains = result.shares, result.gains
+    if np.any(motion.pressed):
+        shares, gains = _smoothed(task, motion, (shares, gains, result.values), u, tau)
+    gains = np.where(np.abs(shares) > SIGNIFICANT, gains, 0.0)
     seconds = motion.duration * motion.grid.widths
     t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
     # The trapezoidal rule is accurate enough for a quantity that should vanish.
@@ -173,8 +178,42 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[float, tuple[WrongSign,
                     first = a - 1 if b - a == 1 and a % s == s - 1 else a
                     last = b if b - a == 1 and a % s == 0 else b - 1
                     wrong.append(WrongSign(i, float(t[first]), float(t[last]), gain, wanted))
-    total = float(weights @ gains.sum(axis=1)) / cost
-    return total, tuple(sorted(wrong, key=lambda w: -w.gain))
+    each = (weights * gains.sum(axis=1)).reshape(n, s).sum(axis=1) / cost
+    return each, tuple(sorted(wrong, key=lambda w: -w.gain))
+
+
+def _smoothed(
+    task: ArcProblem, motion: ArcMotion, functions: tuple[Array, Array, Array], u: Array, tau: Array
+) -> tuple[Array, Array]:
+    """Return shares and gains with smooth switching functions on elements where state limits press at single points.
+
+    There the costates jump at these points, and the switching function of a control that is free to follow the limit
+    vanishes in the mean over the element only: the line through its values at the collocation points is taken.
+
+    Args:
+        task: the problem.
+        motion: its motion.
+        functions: shares, gains and values (N s, nu) at the points.
+        u: (N s, nu) controls.
+        tau: (s,) points of each element.
+    """
+    scheme, n = task.scheme, len(motion.grid)
+    low, high = task.problem.limits(Where.ALONG, task.problem.system.u)
+    at_points = np.isin(tau, scheme.points)
+    basis, root = np.vander(scheme.points, 2), np.sqrt(scheme.weights)
+    fit = basis @ np.linalg.pinv(root[:, None] * basis) * root
+    between = np.searchsorted(scheme.points, tau).clip(0, len(scheme.points) - 1)
+    shares, gains, values = (part.reshape(n, len(tau), -1).copy() for part in functions)
+    at = u.reshape(shares.shape)
+    for i in sorted(task.singular):
+        for k in np.flatnonzero(motion.pressed) if np.isfinite(high[i] - low[i]) else ():
+            own, free = values[k, at_points, i], motion.arcs[motion.arc[k]].kinds[i] is Kind.INTERIOR
+            line = (fit @ own)[between]
+            each = [s * np.where(s > 0.0, at[k, :, i] - low[i], at[k, :, i] - high[i]) for s in (line, own[between])]
+            gains[k, :, i] = np.maximum(each[0] if free else np.minimum(*each), 0.0)
+            scale = np.max(np.abs(values[k, :, i]))
+            shares[k, :, i] *= np.max(np.abs(line)) / scale if scale else 0.0
+    return shares.reshape(n * len(tau), -1), gains.reshape(n * len(tau), -1)
 
 
 def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:

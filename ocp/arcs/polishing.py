@@ -13,10 +13,9 @@ import numpy as np
 from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
 from ocp.arcs.detection import read
-from ocp.arcs.gentle_arcs import settle_gently
+from ocp.arcs.gentle_arcs import EXCESS, settle_gently
 from ocp.arcs.least_effort import gentlest, slack, with_effort, without_effort
 from ocp.arcs.limit_arcs import contacts
-from ocp.arcs.loose_arcs import read_loosely
 from ocp.arcs.moving_grid import SETTINGS as MOVING
 from ocp.arcs.moving_grid import move_grid
 from ocp.arcs.settling import RESIDUAL, Attempt, Budget, settle
@@ -28,7 +27,6 @@ from ocp.solution.attached_problem import with_problem
 from ocp.solution.parallel_solution import in_phases
 from ocp.solution.sequence_solution import Motion, SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
-from ocp.solution.structure import Arc
 from ocp.solution.structure_table import tabulate
 from ocp.solution.violations import between_points
 from ocp.solving.ipopt import Ipopt
@@ -40,11 +38,12 @@ from ocp.transcription.schemes.scheme import Control, Scheme
 SETTINGS = Ipopt(tol=1e-10, max_iter=60, progress=None, extra={"mu_init": 1e-6, "acceptable_iter": 0})
 SECONDS = 9.0  # of processor time after which no further structure is tried
 FEW = 30  # iterations on the structure read from the given grid; where it is right, fewer are enough
-ENOUGH = 0.7  # of the seconds left, below which a motion that is nearly sound is returned
 LAST = 0.5  # seconds left, below which no further grid is moved
+MOST = 60  # elements of a moved grid
+MANY = 14  # arcs that are not read from the given grid, where only time counts
 FIRST = 0.3  # of the seconds, given to the structure read from the given grid, where only time counts
-PART = 0.5  # of the seconds left, given to one structure read
-KEPT, EFFORT_SOLVES = 0.3, 2.0  # share of the seconds, and solves as long as the given one, kept for least effort
+PART, REST = 0.3, 0.95  # of the seconds left, given to the structures read from a moved grid
+KEPT, EFFORT_SOLVES = 0.15, 2.0  # share of the seconds, and solves as long as the given one, kept for least effort
 DEARER = 1e-5  # share of the cost that least effort may cost
 EFFORT = 1e-4  # small cost on effort that makes undetermined controls smooth, share of the cost
 
@@ -118,41 +117,24 @@ def polish(
     open_controls = slack(problem, solution) if _timed(problem) else ""
     kept = min(KEPT * seconds, EFFORT_SOLVES * solution.timings.total) if open_controls else 0.0
     budget = Budget(seconds - kept, sys.stderr.isatty() if settings.progress is None else settings.progress)
-    coarse, timed = solution, _timed(problem)
-    spare: Attempt | None = None
-    for coarse, arcs in _readings(task, solution, budget):
-        if coarse is solution and timed:
-            given = replace(settings, max_iter=min(settings.max_iter, FEW))
-            tried = settle(task, coarse, arcs, given, budget.part(FIRST), again=False)
-        elif coarse is solution:
-            tried = settle(task, coarse, arcs, settings, budget)
-        else:
-            tried = settle_gently(task, coarse, arcs, settings, budget.part(PART))
+    latest = solution
+    for motion, tried in _attempts(task, solution, settings, budget):
+        latest, reason = motion, tried.reason or reason
         iterations += tried.iterations
-        reason = tried.reason or reason
         if tried.motion is None or tried.certificate is None:
             continue
         cost = tried.motion.result.cost - tried.motion.penalty
+        loose = between_points(tried.motion.solution(tried.task, solution))
         if cost > allowed:
             reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
-            continue
-        loose = between_points(tried.motion.solution(task, solution))
-        reason = loose[0] if loose else reason
-        if not loose and not tried.reason:
-            spare = tried
-            break
-        least = np.inf if spare is None or spare.certificate is None else spare.certificate.gap
-        if not loose and tried.certificate.gap < least:
-            spare = tried
-        if spare is not None and budget.left < ENOUGH * seconds:
-            break
-    if spare is not None:
-        budget.show("")
-        result = _polished(task, solution, spare, (iterations, time.perf_counter() - begun))
-        return _unpolished(result, spare.reason) if spare.reason else result
+        elif loose:
+            reason = loose[0]
+        else:
+            budget.show("")
+            return _polished(solution, tried, (iterations, time.perf_counter() - begun))
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
-    result = _on_moved_grid(solution, coarse, problem, budget)
+    result = _on_moved_grid(solution, latest, problem, budget)
     if open_controls:
         result, words = _with_least_effort(result, problem, replace(budget, seconds=seconds))
         reason = f"{reason}; {open_controls}{words}"
@@ -172,6 +154,35 @@ def _with_least_effort(result: Solution, problem: Problem, budget: Budget) -> tu
     return replace(eased, message=result.message), words
 
 
+def _attempts(
+    task: ArcProblem, solution: Solution, settings: Ipopt, budget: Budget
+) -> Iterator[tuple[Solution, Attempt]]:
+    """Yield motions and what becomes of the structures read from them: the given one, then one on a moved grid."""
+    problem, timed = task.problem, _timed(task.problem)
+    arcs = read(problem, solution, task.limits)
+    # Where only time counts, controls between their bounds are slack as a rule, and arbitrary in the given motion.
+    if not timed:
+        yield solution, settle(task, solution, arcs, settings, budget)
+    elif not task.loose(arcs) and len(arcs) <= MANY:
+        given = replace(settings, max_iter=min(settings.max_iter, FEW))
+        yield solution, settle(task, solution, arcs, given, budget.part(FIRST), again=False)
+    if budget.left <= 0.0:
+        return
+    budget.show("moving the grid")
+    eased = with_effort(problem, solution, EFFORT)
+    ends = solution.grid.ends
+    shares = np.linspace(0.0, 1.0, min(len(ends) - 1, MOST) + 1)
+    grid = Grid(np.interp(shares, np.linspace(0.0, 1.0, len(ends)), ends))
+    moved = move_grid(solution, eased, legendre(4, Control.SEGMENTS), grid, budget.limited(MOVING))
+    if moved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.LIMIT):
+        return
+    moved = without_effort(moved, problem)
+    sharp = read(problem, moved, task.limits, sharp=True)
+    if not task.loose(sharp):
+        yield moved, settle(task, moved, sharp, settings, budget.part(PART), again=False)
+    yield moved, settle_gently(task, moved, settings, budget.part(REST))
+
+
 def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:
     """Return the motion with constant controls on a moved grid if it is better and keeps its limits; else the given."""
     moved = coarse
@@ -183,34 +194,6 @@ def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budge
         return solution
     gain = (solution.cost - moved.cost) / max(abs(solution.cost), 1e-300)
     return replace(moved, message=f"{Status.SOLVED.value}; grid moved to the switches, cost lower by {gain:.1e}")
-
-
-def _readings(task: ArcProblem, solution: Solution, budget: Budget) -> Iterator[tuple[Solution, tuple[Arc, ...]]]:
-    """Yield motions with the structures read from them: the given one, then on moved grids with a cost on effort."""
-    problem, limits = task.problem, task.limits
-    arcs = read(problem, solution, limits)
-    # Where only time counts, controls between their bounds are slack as a rule, and arbitrary in the given motion.
-    if not (_timed(problem) and task.loose(arcs)):
-        yield solution, arcs
-    eased = with_effort(problem, solution, EFFORT)
-    coarse = solution
-    # Collocated controls keep state limits exactly, constant ones show short arcs.
-    for scheme, factor in ((legendre(3, Control.COLLOCATED), 1.0), (radau(4), 1.5)):
-        if budget.left <= 0.0:
-            return
-        ends = coarse.grid.ends
-        count = round(factor * len(solution.grid))
-        if factor != 1.0:
-            ends = np.interp(np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, len(ends)), ends)
-        moved = move_grid(coarse, eased, scheme, Grid(ends), budget.limited(MOVING))
-        if moved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.LIMIT):
-            return
-        coarse = without_effort(moved, problem)
-        if scheme.control is Control.COLLOCATED:
-            loose, sharp = read_loosely(task, coarse), read(problem, coarse, limits, sharp=True)
-            yield from ((coarse, arcs) for arcs in (sharp, loose))
-        else:
-            yield coarse, read(problem, coarse, limits, sharp=True)
 
 
 def _timed(problem: Problem) -> bool:
@@ -233,13 +216,16 @@ def _doubt(problem: Problem, solution: Solution) -> float:
     return float(weights @ result.gains.sum(axis=1)) + 1e-6 * abs(solution.cost)
 
 
-def _polished(task: ArcProblem, given: Solution, tried: Attempt, spent: tuple[int, float]) -> Solution:
-    motion, certificate = tried.motion, tried.certificate
+def _polished(given: Solution, tried: Attempt, spent: tuple[int, float]) -> Solution:
+    motion, certificate, task = tried.motion, tried.certificate, tried.task
     assert motion is not None
     assert certificate is not None
     iterations, seconds = spent
     result = motion.solution(task, given)
     summary = f"polished: {len(motion.arcs)} arcs, sign conditions open by {certificate.gap:.1e} of the cost"
+    excess = max((crossing.share for crossing in certificate.crossings), default=0.0)
+    if excess > EXCESS:
+        summary += f", state limits exceeded by up to {excess:.1e} of their range between points"
     residual = float(np.max(result.error))
     if residual > RESIDUAL:
         summary += f", local error of the dynamics {residual:.1e}"

@@ -106,7 +106,7 @@ def with_contact(arcs: tuple[Arc, ...], crossing: Crossing, limits: tuple[StateL
     """Return the arcs with a touch point added where a state limit is exceeded most."""
     if limits[crossing.contact.limit].order == 0:
         return arcs
-    cut, k = _cut(arcs, crossing.worst)
+    cut, k = cut_at(arcs, crossing.worst)
     arc = cut[k]
     if k == 0 or crossing.contact in arc.touched or any(c.limit == crossing.contact.limit for c in arc.held):
         return arcs
@@ -127,7 +127,7 @@ def with_hold(
     limit = limits[crossing.contact.limit]
     if limit.order != 1:
         return arcs
-    cut, k = _cut(arcs, crossing.worst)
+    cut, k = cut_at(arcs, crossing.worst)
     if k == 0 or k >= len(cut):
         return arcs
     depends = ca.which_depends(limit.chain[-1], problem.system.u, 1, False)
@@ -169,8 +169,8 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tu
         # Where the interval begins or ends with the stretch, the switch there comes too early or too late.
         a = start if start - starts[first] < 1e-6 * stretch else start + quarter
         b = end if starts[last] + arcs[last].duration - end < 1e-6 * stretch else end - quarter
-        arcs, _ = _cut(arcs, a)
-        arcs, _ = _cut(arcs, b)
+        arcs, _ = cut_at(arcs, a)
+        arcs, _ = cut_at(arcs, b)
         starts = starts_of(arcs)
         chosen = [j for j, arc in enumerate(arcs) if a - 1e-12 <= starts[j] + arc.duration / 2.0 <= b + 1e-12]
     else:
@@ -223,7 +223,7 @@ def starts_of(arcs: tuple[Arc, ...]) -> list[float]:
     return starts
 
 
-def _cut(arcs: tuple[Arc, ...], t: float) -> tuple[tuple[Arc, ...], int]:
+def cut_at(arcs: tuple[Arc, ...], t: float) -> tuple[tuple[Arc, ...], int]:
     """Return the arcs, cut so that one of them begins at t, and its index."""
     begin = 0.0
     total = sum(arc.duration for arc in arcs)
@@ -263,8 +263,8 @@ def with_saturated(problem: Problem, motion: ArcMotion, arcs: tuple[Arc, ...]) -
                 for a, b in zip(edges[::2], edges[1::2], strict=True):
                     cuts.append((float(ends[own[a]]), float(ends[own[b - 1] + 1]), i, side))
     for a, b, i, side in cuts:
-        arcs, _ = _cut(arcs, a)
-        arcs, _ = _cut(arcs, b)
+        arcs, _ = cut_at(arcs, a)
+        arcs, _ = cut_at(arcs, b)
         starts = np.array(starts_of(arcs))
         middle = (starts[:-1] + starts[1:]) / 2.0
         arcs = tuple(

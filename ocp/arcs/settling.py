@@ -28,7 +28,6 @@ from ocp.solution.structure import Arc
 from ocp.solving.guess_conversion import from_solution
 from ocp.solving.ipopt import Ipopt
 from ocp.solving.iteration_watch import QUIET_SECONDS
-from ocp.transcription.guess import Guess
 
 EVEN = np.array([0.0, 1.0]), np.zeros(1)  # no density of elements
 FINER = 6.0  # most parts that an element is divided into at once
@@ -95,11 +94,12 @@ class Attempt:
     certificate: Certificate | None
     reason: str
     iterations: int
+    task: ArcProblem
 
 
 def settle(
     task: ArcProblem, coarse: Solution, arcs: tuple[Arc, ...], settings: Ipopt, budget: Budget,
-    guess: Guess | None = None, again: bool = True,
+    again: bool = True,
 ) -> Attempt:  # fmt: skip
     """Solve the NLP of a structure and revise the structure until all conditions of optimality hold.
 
@@ -109,10 +109,9 @@ def settle(
         arcs: the structure.
         settings: of IPOPT.
         budget: of seconds.
-        guess: of the first NLP; default the given motion.
         again: whether the first NLP is tried again from farther inside its bounds if it is not solved.
     """
-    guess, density = from_solution(coarse) if guess is None else guess, EVEN
+    guess, density = from_solution(coarse), EVEN
     seen: set[tuple[object, ...]] = set()
     solves = iterations = level = failures = 0
     far, step = False, 1
@@ -144,7 +143,7 @@ def settle(
                 arcs = tuple(replace(a, duration=max(a.duration, 1e-6 * coarse.duration)) for a in other)
                 continue
             reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
-            return near or Attempt(None, None, reason, iterations)
+            return near or Attempt(None, None, reason, iterations, task)
         far, solution = False, motion.solution(task, coarse)
         certificate = certify(task, motion)
         sound = certificate.sound
@@ -160,7 +159,7 @@ def settle(
         sound = sound and not pressed
         least = NEARLY if near is None or near.certificate is None else near.certificate.gap
         if kept == motion.arcs and certificate.sound_within(least, NEARLY) and worst <= ROUGH:
-            near = Attempt(motion, certificate, "", iterations)
+            near = Attempt(motion, certificate, "", iterations, task)
         new = [other for other in proposed if key_of(other) not in seen]
         regularised = motion.penalty > LEFT * abs(motion.result.cost) and step < PROXIMAL
         if new and (not sound or len(new[0]) < len(motion.arcs)):
@@ -171,18 +170,18 @@ def settle(
             arcs, guess, step = motion.arcs, from_solution(solution), step + 1
             continue
         if not sound and (level >= DOUBLINGS or (level >= 1 and worst <= RESIDUAL)):
-            return near or Attempt(None, None, complaint(task, certificate), iterations)
-        settled = Attempt(motion, certificate, "", iterations) if sound else None
+            return near or Attempt(None, None, complaint(task, certificate), iterations, task)
+        settled = Attempt(motion, certificate, "", iterations, task) if sound else None
         if not sound or (worst > RESIDUAL and level < DOUBLINGS):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:
             arcs, guess, step = motion.arcs, from_solution(solution), step + 1
             continue
-        return Attempt(*finished(nlp, motion, certificate), "", iterations)
+        return Attempt(*finished(nlp, motion, certificate), "", iterations, task)
     if settled is not None:
         return replace(settled, iterations=iterations)
-    return near or Attempt(None, None, "the structure does not settle", iterations)
+    return near or Attempt(None, None, "the structure does not settle", iterations, task)
 
 
 def denser(motion: ArcMotion, solution: Solution) -> tuple[Array, Array]:

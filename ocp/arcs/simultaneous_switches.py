@@ -13,6 +13,7 @@ from ocp.solution.structure import Arc, Kind
 from ocp.transcription.nlp import Nlp
 
 BOUNDS = (Kind.LOWER, Kind.UPPER)
+SMALL = 800  # equations up to which dependent ones are looked for where there are enough unknowns
 Sides = tuple[Array, Array, Array, Array]
 
 
@@ -21,8 +22,8 @@ def chosen_multipliers(
 ) -> Array | None:
     """Return multipliers with which every switching function vanishes at its own switch; None if nothing is to choose.
 
-    One duration between two simultaneous switches asks for the sum of their switching functions only. Where there are
-    more equations than unknowns, the multipliers y of the rows solve, in the least-squares sense,
+    One duration between two simultaneous switches asks for the sum of their switching functions only. Where equations
+    depend on each other, the multipliers y of the rows solve, in the least-squares sense,
 
         grad f + J' y = 0  for all unknowns that are not fixed,   dH/du_i = 0  at every simultaneous switch of u_i.
 
@@ -43,7 +44,7 @@ def chosen_multipliers(
         if k
     ]
     switches = [(k, own) for k, own in switches if len(own) > 1]
-    if not switches or len(equal) <= len(free):
+    if not switches or (len(equal) <= len(free) and len(equal) > SMALL):
         return None
     gradient = np.array(nlp.derivatives["grad_f"](z, s)[1]).ravel()
     jacobian = nlp.derivatives["jac_g"](z, s)[1]

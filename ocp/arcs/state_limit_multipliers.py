@@ -17,6 +17,8 @@ from ocp.transcription.arc_layout import Condition
 from ocp.transcription.grid import Grid
 from ocp.transcription.nlp import Nlp
 
+PRESSED = 1e-7  # multiplier of a limit, share of the cost per range of the limit, that counts
+
 
 @dataclass(frozen=True, eq=False)
 class LimitMultiplier:
@@ -75,7 +77,7 @@ def adjoin_directly(
     leaving: dict[tuple[int, Contact], float] = {}
     edges = lagrange_matrix(scheme.points, np.array([0.0, 1.0]))
     slopes = slope_matrix(scheme.points, scheme.points).T
-    for own, rows in zip(conditions, nlp.conditions, strict=True):
+    for own, rows in zip(conditions, nlp.conditions, strict=False):
         order, elements = own.order, own.condition.elements
         if not own.along:
             continue
@@ -98,7 +100,7 @@ def adjoin_directly(
             entering[own.arc, own.contact] = float(edges[0] @ last[0])
             leaving[own.arc, own.contact] = float(edges[1] @ last[-1])
         limit_multipliers.append(LimitMultiplier(own.arc, own.contact, (-1) ** order * rates[-1]))
-    for own, rows in zip(conditions, nlp.conditions, strict=True):
+    for own, rows in zip(conditions, nlp.conditions, strict=False):
         if not own.along and own.order == 0:
             push = float(results.multipliers[rows[0, 0, 0]] / own.condition.scale[0])
             jumps.append(Jump(own.arc, own.contact, push - entering.get((own.arc, own.contact), 0.0)))
@@ -111,3 +113,25 @@ def adjoin_directly(
             continue
         jumps.append(Jump(k + 1, contact, height - entering.get((k + 1, contact), 0.0)))
     return tuple(limit_multipliers), tuple(jumps)
+
+
+def pressed_elements(limits: tuple[StateLimit, ...], nlp: Nlp, results: NlpResult) -> Array:
+    """Return (N,) whether state limits have multipliers inside an element, as inequalities at its points.
+
+    Args:
+        limits: state limits of the problem.
+        nlp: with its layout.
+        results: of the solver.
+    """
+    layout, scaling, cost = nlp.layout, nlp.scaling, max(abs(results.cost), 1e-300)
+    parts = {part: index for index, part in enumerate(nlp.path_parts)}
+    pressed = np.zeros(len(layout.state), dtype=bool)
+    for limit in limits:
+        if limit.state >= 0:
+            values = results.limits[layout.state[:, 1:-1, limit.state]] / scaling.x[limit.state]
+        elif limit.order:
+            values = results.multipliers[nlp.path[parts[limit.constraint, limit.component]]]
+        else:
+            continue
+        pressed |= np.any(np.abs(values) * limit.range / cost > PRESSED, axis=1)
+    return pressed

@@ -141,8 +141,8 @@ def _of_arcs(solution: Solution, problem: Problem, numbers: list[float]) -> Reco
     arc = np.minimum(np.searchsorted(np.cumsum(durations), middles), len(durations) - 1)
     elements = tuple(np.bincount(arc, minlength=len(durations)).tolist())
     task = arc_problem(problem, solution.scheme, solution.values)
-    posed = transcribe_arcs(task, structure.arcs, elements, from_solution(solution))
-    shares = 1.0 / np.repeat(elements, elements)
+    shares = solution.grid.widths / np.bincount(arc, solution.grid.widths)[arc]
+    posed = transcribe_arcs(task, structure.arcs, elements, from_solution(solution), shares=shares)
     return Reconstruction(
         posed.nlp, problem, posed.sides(), posed.restart(solution), np.append(numbers, shares), None,
         np.zeros(posed.nlp.layout.size), np.array(numbers), posed.arc_layout.arc, shares, posed, solution.duration,

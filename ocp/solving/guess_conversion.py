@@ -63,9 +63,15 @@ def as_guesses(problem: Problem | Sequence, guess: GuessLike | Several[Any]) -> 
     return made
 
 
-def from_solution(solution: Solution) -> Guess:
-    """Return a solution as a guess, sampled where it is smooth: at its points, and on both sides of each end."""
-    inside = np.concatenate([[1e-6], solution.scheme.points[solution.scheme.points % 1.0 > 0.0], [1.0 - 1e-6]])
+def from_solution(solution: Solution, more: int = 0) -> Guess:
+    """Return a solution as a guess, sampled where it is smooth: at its points, and on both sides of each end.
+
+    Args:
+        solution: of one phase.
+        more: samples between the ends of every element, for grids with other elements; 0 for its points only.
+    """
+    points = (np.arange(more) + 1.0) / (more + 1.0) if more else solution.scheme.points
+    inside = np.concatenate([[1e-6], points[points % 1.0 > 0.0], [1.0 - 1e-6]])
     ends, widths = solution.grid.ends, solution.grid.widths
     share = np.concatenate([[0.0], (ends[:-1, None] + widths[:, None] * inside).ravel(), [1.0]])
     t = share * solution.duration

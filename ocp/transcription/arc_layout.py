@@ -67,6 +67,8 @@ class ArcLayout:
         total: whether the sum of all arc durations is a constraint row.
         penalties: on chosen controls, part of the cost.
         evenness: weight w >= 0 of the cost w sum_k ((h_k+1 - h_k) / scale)^2 on the arc durations h.
+        ties: (t,) indices k and ratios r of rows h_k+1 = r h_k; arcs of one element each that are tied together keep
+            the equations of neighbouring elements sparse.
     """
 
     arc: Array
@@ -74,6 +76,7 @@ class ArcLayout:
     total: bool = False
     penalties: tuple[Penalty, ...] = ()
     evenness: float = 0.0
+    ties: tuple[Array, Array] | None = None
 
     @property
     def arcs(self) -> int:

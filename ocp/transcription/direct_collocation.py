@@ -189,7 +189,7 @@ def _ends(
 
 
 def _of_arcs(arc_layout: ArcLayout, layout: Layout, symbols: _Symbols, widths: ca.MX) -> Iterator[Block]:
-    """Yield the penalties of an arc layout, the row for the sum of its durations, and their evenness."""
+    """Yield the penalties of an arc layout, the rows for the sum and the ties of its durations, and their evenness."""
     for penalty in arc_layout.penalties:
         reference = ca.MX(ca.DM(penalty.reference.reshape(len(penalty.elements), -1).T.tolist()))
         local = _penalty(layout, symbols, penalty, arc_layout.arc)
@@ -197,6 +197,9 @@ def _of_arcs(arc_layout: ArcLayout, layout: Layout, symbols: _Symbols, widths: c
     if arc_layout.total:
         scale = np.full(1, symbols.scaling.horizon)
         yield _sum_of_durations(layout, scale, 0.0), [], scale
+    if arc_layout.ties is not None:
+        first, ratios = arc_layout.ties
+        yield _ties(layout, first), [ca.MX(ca.DM(ratios.tolist())).T], np.ones(1)
     if arc_layout.evenness:
         yield _unevenness(layout, arc_layout.evenness), [], np.zeros(0)
 
@@ -229,6 +232,14 @@ def _sum_of_durations(layout: Layout, rows: Array, cost: float) -> Local:
     """Return the sum of all durations, times numbers (m,) as rows and times a number as part of the cost."""
     linear = np.tile(np.append(rows, cost)[:, None], len(layout.horizon))
     return Local(ca.SX(1, 1), ca.SX.sym("none"), (), linear, [], layout.horizon[:, None])
+
+
+def _ties(layout: Layout, first: Array) -> Local:
+    """Return the equations that give neighbouring arc durations their ratios."""
+    pair, ratio = ca.SX.sym("pair", 2), ca.SX.sym("ratio")
+    terms = [(np.array([[1.0], [0.0]]), np.eye(2))]
+    indices = np.stack([layout.horizon[first], layout.horizon[first + 1]])
+    return Local(pair[1] - ratio * pair[0], pair, (ratio,), np.zeros((2, 2)), terms, indices)
 
 
 def _unevenness(layout: Layout, weight: float) -> Local:

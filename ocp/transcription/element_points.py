@@ -64,7 +64,7 @@ def path_points(scheme: Scheme, expression: ca.SX, u: ca.SX) -> list[float]:
     points = scheme.points.tolist()
     jumps = ca.depends_on(expression, u) and scheme.control is not Control.LINEAR
     if jumps:
-        return sorted({*points, 0.0, 1.0} if scheme.control is Control.CONSTANT else {*points})
+        return sorted({*points} if scheme.control is Control.COLLOCATED else {*points, 0.0, 1.0})
     return sorted({*points, 1.0} - {0.0})
 
 

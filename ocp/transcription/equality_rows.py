@@ -51,8 +51,10 @@ def _along(
     chain, order = equality.chain, equality.order
     if scheme.control is Control.COLLOCATED:
         return [Condition(chain[-1], scales[-1], every, tuple(scheme.points.tolist()))]
-    at_start = [Condition(chain[-1], scales[-1], every[:1], (0.0,))] if scheme.control is Control.LINEAR else []
-    if order == 0 and scheme.control is Control.LINEAR:
+    linear = scheme.control in (Control.LINEAR, Control.SEGMENTS)
+    starts = every if scheme.control is Control.SEGMENTS else every[:1]
+    at_start = [Condition(chain[-1], scales[-1], starts, (0.0,))] if linear else []
+    if order == 0 and linear:
         return [*at_start, Condition(chain[0], scales[0], every, (1.0,))]
     if order == 0:
         points, weights = tuple(scheme.points.tolist()), tuple(scheme.weights.tolist())

@@ -9,10 +9,14 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
+from ocp.numerics.polynomials import lagrange_matrix
 from ocp.numerics.rate_functions import rates
 from ocp.problem.problem import Fixed
 from ocp.transcription.guess import Guess
 from ocp.transcription.nlp import Nlp
+from ocp.transcription.schemes.scheme import Control
+
+INSIDE = 1e-5  # distance from the ends of an element, share of its width
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,12 @@ def pack(nlp: Nlp, guess: Guess, values: list[float]) -> Array:
     z[layout.state] = guess.state(starts + widths * scheme.nodes) / scaling.x
     # A constant control takes the value of the guess in the middle of its element.
     nodes = np.array([0.5]) if len(scheme.control_nodes) == 1 else scheme.control_nodes
-    z[layout.control] = guess.control(starts + widths * nodes) / scaling.u
+    if scheme.control is Control.SEGMENTS:  # it jumps between elements: values at their ends are those seen from inside
+        inside = np.array([INSIDE, 1.0 - INSIDE])
+        controls = np.einsum("cs,ksa->kca", lagrange_matrix(inside, nodes), guess.control(starts + widths * inside))
+    else:
+        controls = guess.control(starts + widths * nodes)
+    z[layout.control] = controls / scaling.u
     z[layout.horizon] = guess.duration / scaling.horizon
     nominal = np.array([values[number] for number in nlp.free])
     z[layout.free] = (guess.free if len(guess.free) == len(nominal) else nominal) / scaling.free

@@ -12,10 +12,11 @@ from models.scenes.scene_template import TASKS
 from ocp import Control, Ipopt, legendre, point_to_point, polish, solve, uniform, verify
 from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import arc_problem
-from ocp.arcs.arcs import elements_of, refined
+from ocp.arcs.arcs import durations, elements_of, refined
 from ocp.arcs.limit_arcs import Cells, LimitArc, in_succession
-from ocp.arcs.loose_arcs import loosened, read_loosely
+from ocp.arcs.loose_arcs import freed, read_loosely, with_active_limits
 from ocp.arcs.moving_grid import move_grid
+from ocp.arcs.optimality_check import Crossing, WrongSign
 from ocp.solution.structure import Arc, Contact, Kind
 from ocp.solving.guess_conversion import from_solution
 
@@ -27,20 +28,19 @@ LIFT = problems.lift_fastest(speed=1.2)  # full force, the speed limit, full bra
 def lift(arcs=None, **settings):
     """Return the task, its motion on a moved grid, the NLP of the arcs read from it or of given ones, and the guess."""
     coarse = solve(LIFT.problem, grid=uniform(20), solver=QUIET)
-    moved = move_grid(coarse, LIFT.problem, legendre(3, Control.COLLOCATED))
-    task = arc_problem(LIFT.problem, legendre(6, Control.COLLOCATED), coarse.values)
-    arcs = read_loosely(task, moved) if arcs is None else arcs
+    moved = move_grid(coarse, LIFT.problem, legendre(4, Control.SEGMENTS))
+    task = arc_problem(LIFT.problem, legendre(4, Control.SEGMENTS), coarse.values)
+    arcs = read_loosely(LIFT.problem, moved) if arcs is None else arcs
     guess = from_solution(moved)
     return task, moved, prepare_arcs(task, arcs, elements_of(arcs), guess, QUIET, **settings), guess
 
 
-def test_limits_become_inequalities_and_their_controls_free():
-    held = Arc((HOLDING, LOWER), 1.0, (Contact(0, 1, 0),))
-    other = Arc((HOLDING, LOWER), 2.0, (Contact(1, -1, 0),))
-    assert loosened((held,)) == (Arc((INTERIOR, LOWER), 1.0, (Contact(0, 1),)),)
-    assert loosened((held, other), frozenset({(0, 1)})) == (Arc((INTERIOR, LOWER), 1.0, (Contact(0, 1),)), other)
-    free = Arc((INTERIOR, LOWER), 1.0)
-    assert loosened((free,)) == (free,)
+def test_controls_at_the_wrong_bound_become_free_there():
+    arcs = Arc((LOWER, UPPER), 1.0), Arc((UPPER, UPPER), 1.0)
+    wrong = WrongSign(1, 0.5, 1.25, 1e-3, LOWER)
+    kinds = [(arc.kinds, arc.duration) for arc in freed(arcs, (wrong,))]
+    assert kinds == [((LOWER, UPPER), 0.5), ((LOWER, INTERIOR), 0.5), ((UPPER, INTERIOR), 0.25), ((UPPER, UPPER), 0.75)]
+    assert freed(arcs, ()) == arcs
 
 
 def test_elements_are_more_where_the_density_asks_for_more():
@@ -66,15 +66,42 @@ def test_limits_that_seem_to_be_reached_at_once_are_reached_one_after_the_other(
 
 
 def test_reading_pins_what_stays_at_a_bound_and_frees_the_rest():
-    task, moved, _, _ = lift()
-    arcs = read_loosely(task, moved)
+    task, moved, nlp, guess = lift()
+    arcs = read_loosely(task.problem, moved)
     kinds = [arc.kinds[0] for arc in arcs]
     assert kinds[0] is UPPER
     assert kinds[-1] is LOWER
-    assert HOLDING in kinds
+    assert INTERIOR in kinds
     assert sum(arc.duration for arc in arcs) == pytest.approx(moved.duration)
-    middle = arcs[kinds.index(HOLDING)]
-    assert [(c.limit, c.side, c.control) for c in middle.held] == [(0, 1, 0)]
+    motion = nlp.solve(nlp.start(guess, durations(arcs)))
+    named = with_active_limits(task, motion)
+    assert [(c.limit, c.side, c.control) for c in named[kinds.index(INTERIOR)].held] == [(0, 1, -1)]
+
+
+def test_widths_tied_within_arcs_are_those_of_the_arcs():
+    task, _, nlp, guess = lift()
+    arcs, shares = nlp.arcs, np.concatenate([[0.25, 0.75], np.ones(len(nlp.arcs) - 1)])
+    counts = (2, *[1] * (len(arcs) - 1))
+    found = []
+    for tied in (False, True):
+        other = prepare_arcs(task, arcs, counts, guess, QUIET, shares=shares, tied=tied)
+        motion = other.solve(other.start(guess, durations(arcs)))
+        first = motion.grid.widths[:2] * motion.duration
+        assert first / first.sum() == pytest.approx([0.25, 0.75], abs=1e-9)
+        found.append(durations(motion.arcs))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-8)
+    np.testing.assert_array_equal(
+        len(prepare_arcs(task, arcs, counts, guess, QUIET, shares=shares, tied=True).owner), sum(counts)
+    )
+
+
+def test_limits_are_drawn_in_where_they_are_exceeded():
+    _, _, nlp, guess = lift()
+    speed = nlp.task.limits[0]
+    drawn = replace(nlp, drawn_in=(Crossing(Contact(0, 1), 0.0, 10.0, 0.0, 0.1),))
+    for one, share in ((nlp, 0.0), (drawn, 0.1)):
+        motion = one.solve(one.start(guess, durations(one.arcs)))
+        assert np.max(motion.states[:, :, 1]) == pytest.approx(speed.upper - share * speed.range, abs=1e-7)
 
 
 def test_durations_keep_their_shares_of_the_guessed_ones():

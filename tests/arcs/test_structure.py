@@ -34,7 +34,7 @@ from ocp.solution.structure_table import merged, tabulate
 matplotlib.use("Agg")
 LOWER, UPPER, INTERIOR, HOLDING = Kind.LOWER, Kind.UPPER, Kind.INTERIOR, Kind.HOLDING
 HELD, TOUCHED = Contact(0, 1, 0), Contact(0, 1)
-RIGHT = Certificate(0.0, (), (), (), ())
+RIGHT = Certificate(0.0, (), (), (), (), np.zeros(0))
 AXIS = problems.lift_fastest(speed=1.2).problem  # its only state limit is |x_2| <= 1.2, of order 1
 POSITION = replace(AXIS, subject_to=(*AXIS.subject_to[:2], along(AXIS.system.x[0], upper=0.9), AXIS.subject_to[-1]))
 

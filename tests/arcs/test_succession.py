@@ -181,7 +181,7 @@ def test_polish_leaves_nothing_to_its_barrier():
     solution = polish(solve(motion("torus")))
     assert solution.structure[-1].kind is Kind.TOUCH
     task = arc_problem(solution.problem, solution.scheme, solution.values)
-    elements = next(iter(prepare_structure(solution).nlps.values())).elements
+    elements = tuple(np.bincount(next(iter(prepare_structure(solution).nlps.values())).owner).tolist())
     finer = replace(SETTINGS, tol=1e-13)
     limited = prepare_arcs(task, solution.structure.arcs, elements, from_solution(solution), finer)
     arcs = limited.solve(limited.restart(solution)).arcs

@@ -30,7 +30,7 @@ from ocp import (
 x, u, v, NONE = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("v"), ca.SX(0, 1)
 FAMILIES = (radau, legendre, lobatto)
 # Errors of the cost at 20 elements: with constant controls of second order, with the others of fourth and more.
-MIXED = {Control.CONSTANT: 1e-3, Control.LINEAR: 1e-3, Control.COLLOCATED: 1e-12}
+MIXED = {Control.CONSTANT: 1e-3, Control.LINEAR: 1e-3, Control.SEGMENTS: 1e-3, Control.COLLOCATED: 1e-12}
 
 
 def mixed() -> Problem:

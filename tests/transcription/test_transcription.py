@@ -127,6 +127,7 @@ BY_HAND = {
 SHAPES = {
     Control.CONSTANT: lambda a, b, t: (a + b) / 2 + 0 * t,
     Control.LINEAR: lambda a, b, t: t,
+    Control.SEGMENTS: lambda a, b, t: t,
     Control.COLLOCATED: lambda a, b, t: t,
 }
 
@@ -163,11 +164,11 @@ def test_rows_and_cost_by_hand(case, control):
     cost, rows = (np.array(part).ravel() for part in function(z, parameters(problem)))
 
     nodes, points, weights, state, by_rate = (np.array(part) for part in BY_HAND[case])
-    shape = SHAPES[control if len(points) > 1 or control is Control.LINEAR else Control.CONSTANT]
+    shape = SHAPES[control if len(points) > 1 or control is not Control.COLLOCATED else Control.CONSTANT]
     # On every element: a state at its points and its right end; a control where it may jump as seen from inside, but
     # not beyond the points of a polynomial. What leaves out the left ends holds at the start once.
     right = sorted({*points, 1.0} - {0.0})
-    taken = {Control.CONSTANT: sorted({0.0, *points, 1.0}), Control.LINEAR: right, Control.COLLOCATED: sorted(points)}
+    taken = {Control.LINEAR: right, Control.COLLOCATED: sorted(points)}
     integral, defects, power, reach = 0.0, [], [], []
     for a, b in zip(GRID.ends[:-1], GRID.ends[1:], strict=True):
         h = (b - a) * duration
@@ -179,7 +180,7 @@ def test_rows_and_cost_by_hand(case, control):
         (x_nodes, _), (x, u) = motion(nodes), motion(points)
         defects.append(state @ x_nodes - h * by_rate @ rate_by_numpy(x, u, p))
         integral += h * weights @ (u[:, 0] ** 2 * x[:, 2] + p[1] * x[:, 0] ** 4 + np.exp(u[:, 1]))
-        power.append(power_by_numpy(*motion(taken[control]), p))
+        power.append(power_by_numpy(*motion(taken.get(control, sorted({0.0, *points, 1.0}))), p))
         reach.append(reach_by_numpy(motion(right)[0], p))
     first, last = line(0.0)[0], line(1.0)[0]
     first_u = line(shape(GRID.ends[0], GRID.ends[1], 0.0))[1]
@@ -206,7 +207,7 @@ def test_pack_and_unpack(case, control):
     assert motion.values == {"a": 0.7, "b": 0.8}
     shares = GRID.ends[:-1, None] + GRID.widths[:, None] * np.array(BY_HAND[case][0])
     np.testing.assert_allclose(motion.states, line(shares)[0], rtol=0, atol=1e-15)
-    taken = {Control.CONSTANT: [0.5], Control.LINEAR: [0.0, 1.0], Control.COLLOCATED: BY_HAND[case][1]}[control]
+    taken = {Control.CONSTANT: [0.5], Control.COLLOCATED: BY_HAND[case][1]}.get(control, [0.0, 1.0])
     shares = GRID.ends[:-1, None] + GRID.widths[:, None] * np.array(taken)
     np.testing.assert_allclose(motion.controls, line(shares)[1], rtol=0, atol=1e-15)
 

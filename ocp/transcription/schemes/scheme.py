@@ -20,6 +20,7 @@ class Control(Enum):
 
     CONSTANT = "constant"  # one value for each element: bounds are satisfied everywhere
     LINEAR = "linear"  # continuous, piecewise linear: bounds are satisfied everywhere
+    SEGMENTS = "segments"  # linear on each element, jumps between them: bounds are satisfied everywhere
     COLLOCATED = "collocated"  # a polynomial through the collocation points: bounds are satisfied at the points only
 
 
@@ -51,7 +52,7 @@ class Scheme:
         """(c,) points tau of the control unknowns of one element."""
         if self.control is Control.CONSTANT:
             return np.array([0.0])
-        return np.array([0.0, 1.0]) if self.control is Control.LINEAR else self.points
+        return self.points if self.control is Control.COLLOCATED else np.array([0.0, 1.0])
 
     def control_at(self, tau: Array) -> Array:
         """Return the matrix (len(tau), c) that takes the control unknowns of an element to u(tau)."""
