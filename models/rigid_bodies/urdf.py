@@ -139,6 +139,9 @@ class _Robot:
                 raise self.values.error(joint, f"a second joint is called {name!r}; rename one of them")
             names.add(name)
             for side in ("parent", "child"):
+                if (count := len(list(joint.all(side)))) > 1:
+                    said = f"joint {joint.attributes.get('name', '')!r}"
+                    raise self.values.error(joint, f"{said}: has {count} <{side}>, expected one")
                 if self._end(joint, side) not in links:
                     raise self.values.error(joint, f"joint {name!r}: its {side} {self._end(joint, side)!r} is no link")
             child = self._end(joint, "child")

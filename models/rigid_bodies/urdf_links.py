@@ -87,10 +87,19 @@ def _capsules(link: Element, said: str, values: UrdfValues) -> Iterator[Capsule]
 
 
 def _shape(shape: Element, said: str, values: UrdfValues) -> list[float] | None:
+    if shape.tag not in ("box", "sphere", "cylinder", "capsule"):
+        values.notes.append(f"{said}: its collision shape <{shape.tag[:40]}> is not known")
+        return None
     if shape.tag == "box":
-        return values.three(shape, "size", said, None)
-    if shape.tag in ("sphere", "cylinder", "capsule"):
+        keys: tuple[str, ...] = ("size",) * 3
+        sizes = values.three(shape, "size", said, None)
+    else:
         keys = ("radius",) if shape.tag == "sphere" else ("radius", "length")
-        return [values.number(shape, key, said) for key in keys]
-    values.notes.append(f"{said}: its collision shape <{shape.tag[:40]}> is not known")
-    return None
+        sizes = [values.number(shape, key, said) for key in keys]
+    for key, size in zip(keys, sizes, strict=True):
+        if size < 0.0:
+            raise values.error(shape, f"{said}: its collision <{shape.tag}> has the {key} {size:g}, expected m > 0")
+    if not max(sizes) > 0.0 or (shape.tag != "box" and sizes[0] == 0.0):
+        values.notes.append(f"{said}: its collision <{shape.tag}> has no size and is left out")
+        return None
+    return sizes

@@ -1,5 +1,6 @@
 """URDF files: what is read, what is refused with one sentence, and that no file costs memory or opens another one."""
 
+import gzip
 import json
 import re
 import resource
@@ -139,6 +140,11 @@ def test_side_branches_locks_and_mimics(file):
     assert locked.coordinates[0].name == "q1"
 
 
+def shaped(geometry):
+    """Return a file whose last link has a collision shape."""
+    return GOOD.replace('<link name="b">', f'<link name="b"><collision><geometry>{geometry}</geometry></collision>')
+
+
 BROKEN = {
     "no XML": ("robot", "is no well-formed XML"),
     "empty": ("", "no element found"),
@@ -182,6 +188,17 @@ BROKEN = {
         "no rigid body has them"),
     "lower above upper": (GOOD.replace('lower="-1"', 'lower="3"', 1), "joint 'q1': lower 3 is above upper 2"),
     "negative speed": (GOOD.replace('velocity="3"', 'velocity="-3"', 1), "velocity is -3"),
+    "negative radius": (shaped('<sphere radius="-1"/>'), "its collision <sphere> has the radius -1"),
+    "negative length": (shaped('<cylinder radius="0.1" length="-2"/>'), "its collision <cylinder> has the length -2"),
+    "negative side": (shaped('<box size="1 -1 1"/>'), "its collision <box> has the size -1"),
+    "box without size": (shaped("<box/>"), "size is '', expected three numbers"),
+    "nan among angles": (GOOD.replace('xyz="0 0 0.5"', 'xyz="0 0 0.5" rpy="0 nan 0"'), "rpy has 'nan'"),
+    "four numbers": (GOOD.replace('"0 1 0"', '"0 1 0 0"'), "expected three numbers"),
+    "negative damping": (GOOD.replace("</joint>", '<dynamics damping="-1"/></joint>', 1), "damping is -1"),
+    "packed": (gzip.compress(GOOD.encode()), "is no well-formed XML"),
+    "its own child": (GOOD.replace('<child link="b"/>', '<child link="a"/>'), "link 'a' hangs on two joints"),
+    "two parents": (GOOD.replace('<parent link="a"/>', '<parent link="a"/><parent link="base"/>'),
+                    "joint 'q2': has 2 <parent>, expected one"),
     "nothing moves": (GOOD.replace("revolute", "fixed"), "none of them moves"),
 }  # fmt: skip
 

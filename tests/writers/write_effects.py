@@ -15,6 +15,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in 
 from catalogue.machines import instructions
 
 import models.effects as catalogue
+from models import robots
 from models.effects import (
     Coulomb,
     Counterbalance,
@@ -61,10 +62,25 @@ Signals that every machine has are not listed; `loss` [W] closes the balance of 
 """
 
 
+ARMS = """
+## Arms of links
+
+Instructions of x' = f(x, u) in canonical form with each effect alone, and how many more than without any effect. Loads
+become inertia of the last link: nothing more where that is a full one already, as for the Panda.
+
+| effect | {arms} |
+|---|{rules}|
+"""
+
+
 def cases(name: str) -> dict[str, list]:
     """Return every effect with parameters that suit a machine, and what they need beside them."""
     task = TASKS[name]
-    limit = task.limit
+    return suited(task.limit, task.q_min, task.q_max)
+
+
+def suited(limit: tuple[float, ...], q_min: tuple[float, ...], q_max: tuple[float, ...]) -> dict[str, list]:
+    """Return every effect with parameters for drives and limits of positions."""
     light = tuple(0.02 * f for f in limit)
     motor = MotorDrive(tuple(f / 1000.0 for f in limit), 1.0, 1e-3, 100.0)
     return {
@@ -75,6 +91,7 @@ def cases(name: str) -> dict[str, list]:
         "Coulomb": [Coulomb(light, 0.1)],
         "Stribeck": [Stribeck(light, tuple(1.5 * f for f in light), 0.5, 0.1)],
         "RotorInertia": [RotorInertia(1e-5, 100.0)],
+        "RotorInertia, carried": [RotorInertia(1e-5, 100.0, carried=True)],
         "LaggedDrive": [LaggedDrive(0.02)],
         "ElasticDrive": [ElasticDrive(tuple(50.0 * f for f in limit), tuple(1e-3 * f for f in limit))],
         "GearEfficiency": [GearEfficiency(0.85)],
@@ -85,7 +102,7 @@ def cases(name: str) -> dict[str, list]:
         "TorqueRate": [TorqueRate(tuple(50.0 * f for f in limit))],
         "MotionLimits": [MotionLimits(acceleration=20.0, tool_speed=2.0)],
         "PowerLimit": [PowerLimit(600.0)],
-        "JointStop": [JointStop(task.q_min, task.q_max, tuple(100.0 * f for f in limit), 0.5, 0.01)],
+        "JointStop": [JointStop(q_min, q_max, tuple(100.0 * f for f in limit), 0.5, 0.01)],
         "ToolForce": [ToolForce((10.0, 0.0, -20.0))],
         "ToolForce of time": [ToolForce(lambda t: (10.0 * ca.sin(5.0 * t), 0.0, -20.0))],
         "Counterbalance": [Counterbalance(5.0, 500.0, (0.0, 0.0, -0.2), (0.0, 0.0, 0.5))],
@@ -146,6 +163,20 @@ def described(name: str) -> str:
     )
 
 
+def arms() -> str:
+    """Return the table of instruction counts of arms."""
+    made = [robots.arm_3r(), robots.ur5(), robots.panda()]
+    bare = [instructions(canonical(arm)) for arm in made]
+    text = ARMS.format(arms=" | ".join(arm.name for arm in made), rules="|".join(["---"] * len(made)))
+    text += f"| none | {' | '.join(map(str, bare))} |\n"
+    effects = [suited(arm.limits["tau"][1], *arm.limits["q"]) for arm in made]
+    for case in effects[0]:
+        counts = [instructions(canonical(arm, own[case])) for arm, own in zip(made, effects, strict=True)]
+        cells = (f"{count} (+{count - none})" for count, none in zip(counts, bare, strict=True))
+        text += f"| {case} | {' | '.join(cells)} |\n"
+    return text
+
+
 def main() -> None:
     """Measure and write."""
     text = HEAD.format(elements=ELEMENTS, runs=RUNS)
@@ -166,7 +197,7 @@ def main() -> None:
             row.append(f"{count} (+{count - none[name][0]}) | {ratio}")
             print(name, case, row[-1], flush=True)
         text += f"| {case} | {' | '.join(row)} |\n"
-    PAGE.write_text(text, encoding="utf-8")
+    PAGE.write_text(text + arms(), encoding="utf-8")
 
 
 if __name__ == "__main__":
