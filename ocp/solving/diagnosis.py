@@ -8,6 +8,7 @@ from ocp.numerics.arrays import largest_of_unit
 from ocp.numerics.evaluation import evaluate
 from ocp.numerics.rate_functions import rates
 from ocp.problem.constraints import Where
+from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.nonsmooth import kinks
 from ocp.problem.problem import Fixed, Free, Problem
 from ocp.solution.integration_drift import collapsed, drift
@@ -76,7 +77,7 @@ def remarks(solutions: list[Solution]) -> list[str]:
     """Return warnings for a solved problem: a coarse grid, a duration at its bound, controls beyond their bounds."""
     results = []
     for solution in solutions:
-        results += unresolved(solution) + between_points(solution)
+        results += unresolved(solution) + between_points(solution) + wandering(solution)
         horizon = solution.problem.horizon if solution.problem is not None else None
         if isinstance(horizon, Free) and solution.duration <= horizon.lower + SHRUNK * horizon.guess:
             results.append(
@@ -187,4 +188,27 @@ def unresolved(solution: Solution) -> list[str]:
         f"{share[k, i]:.1e} of its largest value at t = {solution.nodes[k]:.4g} s; "
         "resolved(solution), a finer grid or solve_to_accuracy cures it, and a motion that is unstable without "
         "feedback needs one most"
+    ]
+
+
+MANY = 150  # iterations from which on controls that the cost leaves open are the probable reason
+
+
+def wandering(solution: Solution) -> list[str]:
+    """Return a sentence if a solve of minimum time with several limited controls took many iterations.
+
+    While one drive sets the time, the others may have infinitely many optimal controls, among which the solver wanders.
+
+    Args:
+        solution: with status SOLVED.
+    """
+    problem = solution.problem
+    if problem is None or solution.iterations < MANY or not problem.minimise.time > 0.0:
+        return []
+    limits = np.array(problem.limits(Where.ALONG, problem.system.u))
+    if limits.shape[1] < 2 or not np.all(np.isfinite(limits)) or not hamiltonian_of(problem).curvature.is_zero():
+        return []
+    return [
+        f"it took {solution.iterations} iterations, as a rule because the cost leaves controls open: "
+        "gentle(problem) determines them by a small cost on effort and is solved in fewer"
     ]

@@ -25,6 +25,7 @@ from ocp import (
     System,
     along,
     end,
+    gentle,
     lobatto,
     point_to_point,
     prepare,
@@ -201,3 +202,13 @@ def test_the_drift_that_is_told_is_that_of_a_re_integration() -> None:
     assert printed is not None
     largest = float(verify(solution).drift)
     assert 0.5 * largest < float(printed[1]) < 2.0 * largest
+
+
+def test_many_iterations_lead_to_gentle() -> None:
+    task = point_to_point(arm(), FROM, TO, q=WITHIN, tau=DRIVES)
+    solution = solve(task, grid=GRID)
+    (words,) = diagnosis.wandering(replace(solution, iterations=200))
+    assert words.startswith("it took 200 iterations")
+    assert "gentle(problem)" in words
+    assert diagnosis.wandering(replace(solution, iterations=40)) == []
+    assert diagnosis.wandering(replace(solution, iterations=200, problem=gentle(task))) == []
