@@ -15,6 +15,7 @@ from ocp.arcs.arc_conditions import conditions_of
 from ocp.arcs.arc_penalties import penalties_of, value_of
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
 from ocp.arcs.arcs import durations
+from ocp.arcs.junctions import Junction, junctions_of
 from ocp.arcs.null_space_newton import Equations, as_equations
 from ocp.arcs.optimality_check import Crossing
 from ocp.arcs.simultaneous_switches import chosen_multipliers
@@ -35,6 +36,8 @@ from ocp.transcription.packing import pack
 from ocp.transcription.scaling import from_limits
 
 SHORT, TINY = 1e-3, 2e-7  # duration of an arc, share of the motion, below which it may shrink, and how far
+# Where the cost is flat in the times of junctions, a line search refuses the steps of Newton's method that find them.
+FLAT = {"accept_every_trial_step": "yes"}
 LEAST = 1e-9  # least width of an arc on the grid, share of the motion, as a grid must increase
 
 
@@ -50,6 +53,7 @@ class ArcNlp:
         owner: (N,) index of the arc of each element.
         arc_layout: durations of arcs, or of elements that are tied together.
         conditions: equations of state limits that are active.
+        junctions: equations of controls that do not jump between two arcs.
         limited: whether inactive limits, and durations >= 0, are constraints of the NLP.
         spread: least and largest duration of an arc, shares of the guessed one.
         open_ends: singular controls at the ends of elements on which they are free.
@@ -66,6 +70,7 @@ class ArcNlp:
     owner: Array
     arc_layout: ArcLayout
     conditions: tuple[LimitCondition, ...]
+    junctions: tuple[Junction, ...]
     limited: bool
     solver: PhysicalSolver | None
     equations: Equations | None
@@ -186,7 +191,10 @@ class ArcNlp:
         rows_low[nlp.total], rows_high[nlp.total] = totals(problem)
         for condition, rows in zip(self.conditions, nlp.conditions, strict=False):
             rows_low[rows] = rows_high[rows] = condition.value(limits) / condition.condition.scale
-        for (i, _), rows in zip(self.open_ends, nlp.conditions[len(self.conditions) :], strict=True):
+        others = nlp.conditions[len(self.conditions) :]
+        for junction, rows in zip(self.junctions, others, strict=False):
+            rows_low[rows] = rows_high[rows] = junction.value(problem, limits) / junction.condition.scale
+        for (i, _), rows in zip(self.open_ends, others[len(self.junctions) :], strict=True):
             rows_low[rows], rows_high[rows] = lower[i], upper[i]
         path = {part: index for index, part in enumerate(nlp.path_parts)}
         known = np.append(layout.state[0, 0], layout.state[-1, -1])  # bounds at both ends of the motion stay
@@ -236,15 +244,19 @@ def transcribe_arcs(
     freed = with_free_horizon(task.problem)
     scaling = from_limits(freed, guess, task.numbers, free_parameters(freed))
     conditions = conditions_of(task, arcs, arc, guess.duration)
+    junctions = junctions_of(task, arcs, arc, grid.ends, guess)
     penalties = penalties_of(task, arcs, arc, None if effort else guess, grid, weight)
     open_ends = open_ends_of(task, arcs, arc, scaling.u) if limited else ()
-    rows = (*(own.condition for own in conditions), *(condition for _, condition in open_ends))
+    limits = (own.condition for own in conditions)
+    rows = (*limits, *(own.condition for own in junctions), *(condition for _, condition in open_ends))
     inner = np.flatnonzero(np.diff(arc) == 0)
     ties = (inner, shares[inner + 1] / shares[inner]) if tied else None
     total = bool(np.isfinite(totals(task.problem)).any())
     arc_layout = ArcLayout(np.arange(len(arc)) if tied else arc, rows, total, penalties, 0.0, ties)
     nlp = transcribe(freed, task.scheme, grid, scaling, arc_layout)
-    return ArcNlp(task, arcs, shares, nlp, arc, arc_layout, conditions, True, None, None, 0.0, open_ends=open_ends)
+    return ArcNlp(
+        task, arcs, shares, nlp, arc, arc_layout, conditions, junctions, True, None, None, 0.0, open_ends=open_ends
+    )  # fmt: skip
 
 
 def prepare_arcs(
@@ -271,6 +283,8 @@ def prepare_arcs(
     begun = time.perf_counter()
     whole = transcribe_arcs(task, arcs, elements, guess, weight, effort, limited, shares, tied)
     whole = whole if limited else whole.unlimited()
+    if any(junction.flat for junction in whole.junctions):
+        settings = replace(settings, extra={**FLAT, **settings.extra})
     solver = None if whole.equations else physical_solver(whole.nlp.scaled, settings)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread, drawn_in=drawn_in)
 

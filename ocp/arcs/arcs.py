@@ -7,6 +7,7 @@ import numpy as np
 from ocp.checks import Array
 from ocp.solution.structure import Arc
 
+MOST = 200  # elements of a refined motion: where it needs more, its structure is wrong, and time is short
 PER_MOTION = 16  # elements of the whole motion, at least one for each arc
 
 
@@ -32,7 +33,9 @@ def elements_of(arcs: tuple[Arc, ...], level: int = 0) -> tuple[int, ...]:
 
 
 def refined(arcs: tuple[Arc, ...], density: tuple[Array, Array]) -> tuple[int, ...]:
-    """Return the number of elements of every arc: as `elements_of`, or more where the density asks for more.
+    """Return the number of elements of every arc: as `elements_of`, or more where the density asks for it.
+
+    At most `MOST` in all.
 
     Args:
         arcs: with their durations.
@@ -42,5 +45,6 @@ def refined(arcs: tuple[Arc, ...], density: tuple[Array, Array]) -> tuple[int, .
     ends, wanted = density
     shares = np.append(0.0, np.cumsum(durations(arcs))) / durations(arcs).sum()
     total = np.append(0.0, np.cumsum(np.diff(ends) * wanted))
-    needed = np.ceil(np.diff(np.interp(shares, ends, total)) - 0.05)
+    needed = np.diff(np.interp(shares, ends, total))
+    needed = np.ceil(needed * min(1.0, MOST / max(float(np.sum(needed)), 1.0)) - 0.05)
     return tuple(np.maximum(needed, elements_of(arcs)).astype(int).tolist())

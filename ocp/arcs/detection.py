@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ocp.arcs.limit_arcs import Cells, LimitArc, contacts, in_succession, level, with_brakes
@@ -21,6 +23,7 @@ CHATTER = 2  # most cells between two bounds that are one switch or a short excu
 SINGULAR = 0.02  # switching function, share of the Hamiltonian, below which a control between bounds is interior
 EXCURSION = 0.05  # of a cell; shorter excursions are no arcs
 BRAKE = 5e-4  # duration of a braking arc that is too short to be seen, share of the motion
+APART = 0.05  # duration, share of the motion, of a gap between two holds of one control that is no arc
 ALIGNED = 1.2  # elements within which an interior arc begins or ends together with an arc on a state limit
 
 SHAPED = Control.COLLOCATED, Control.SEGMENTS  # shapes that differ from point to point of an element and jump between
@@ -75,7 +78,19 @@ def _arcs(
         kinds = tuple([kind for t, kind in own if t <= middle][-1] for own in stretches)
         held = tuple(hold.contact for hold in holds if hold.start < middle < hold.end)
         arcs.append(Arc(kinds, b - a, held, tuple(contact for t, contact in touches if t == a)))
-    return merged(tuple(arcs))
+    return merged(_without_gaps(tuple(arcs), APART * duration))
+
+
+def _without_gaps(arcs: tuple[Arc, ...], short: float) -> tuple[Arc, ...]:
+    """Return the arcs without short ones on which a control holds a limit before and after, but none there."""
+    results: list[Arc] = []
+    for k, arc in enumerate(arcs):
+        empty = any(kind is Kind.HOLDING and all(c.control != i for c in arc.held) for i, kind in enumerate(arc.kinds))
+        if empty and arc.duration <= short and results and k + 1 < len(arcs):
+            results[-1] = replace(results[-1], duration=results[-1].duration + arc.duration)
+        else:
+            results.append(arc)
+    return tuple(results)
 
 
 def _part_of_arc(touch: Touch, holds: list[LimitArc], near: float) -> bool:
@@ -152,7 +167,8 @@ def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) 
         before, after = kinds[c - 1] if c else None, kinds[stop] if stop < len(kinds) else None
         short = stop - c <= CHATTER
         if short and (before is None or after is None):
-            kinds[c:stop] = [after or before or Kind.INTERIOR] * (stop - c)
+            beside = after or before or Kind.INTERIOR
+            kinds[c:stop] = [Kind.INTERIOR if beside is Kind.HOLDING else beside] * (stop - c)
         elif short and Kind.HOLDING in (before, after):
             kinds[c:stop] = [after if before is Kind.HOLDING else before] * (stop - c)
         elif short and cells.sharp and before is after:
@@ -174,7 +190,7 @@ def _stretches(cells: Cells, control: int, share: Array, holds: list[LimitArc]) 
 def _within(stretches: list[Stretch], holds: list[LimitArc]) -> list[Stretch]:
     """Return the stretches with those of kind HOLDING cut to the instants at which their state limits are active."""
     for hold in holds:
-        after = [kind for t, kind in stretches if t <= hold.end or kind is not Kind.HOLDING]
+        after = [kind for t, kind in stretches if t <= hold.end or kind is not Kind.HOLDING] or [Kind.HOLDING]
         following = next((kind for t, kind in stretches if t > (hold.start + hold.end) / 2.0), after[-1])
         outside = [(t, k) for t, k in stretches if t < hold.start or t > hold.end]
         outside = [(t, k) for t, k in outside if k is not Kind.HOLDING or any(o.start <= t <= o.end for o in holds)]

@@ -8,12 +8,15 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
+from ocp.arcs.control_limits import sides_of
+from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Bolza, Problem
 from ocp.problem.sequence import Sequence
+from ocp.problem.state_constraints import state_limits
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.parallel_solution import in_phases
 from ocp.solution.sequence_solution import Motion, SequenceSolution
@@ -23,6 +26,7 @@ from ocp.solving.solver import solve
 
 WEIGHT = 1e-4  # of the effort of all controls at their limits, share of the cost
 GENTLE = 1e-2  # the same where few iterations matter more
+NAMED = 0.05  # share of the motion from which it is named: switches take some of it
 SLACK, INSIDE = 1e-2, 0.98  # shares: a switching function below that of its scale vanishes, a control of its limit
 
 
@@ -100,18 +104,30 @@ def gentle(problem: Problem, weight: float = GENTLE) -> Problem:
 def slack(problem: Problem, solution: Solution) -> str:
     """Return a sentence on controls that the cost does not determine for a part of the motion; empty if there are none.
 
-    Such a control is between its limits while its switching function vanishes.
+    Such a control is between its limits while its switching function vanishes, and holds no limit.
     """
     _, x, _, u = solution.samples(solution.scheme.points)
     functions = switching_functions(problem, x, u, solution.costates.reshape(len(x), -1), solution.parameters)
     weights = (solution.grid.widths[:, None] * solution.scheme.weights).ravel()
-    loose = (np.abs(functions.shares) < SLACK) & (np.abs(u) < INSIDE * scales(problem))
+    low, high = sides_of(problem, x, u, solution.parameters)
+    margin = (1.0 - INSIDE) * scales(problem)
+    loose = (np.abs(functions.shares) < SLACK) & (u > low + margin) & (u < high - margin)
+    loose &= ~_holding(problem, solution, u.shape)
     labels = problem.system.label("u", u.shape[1])
     parts = [(float(weights @ loose[:, i]), labels[i].name) for i in undetermined(problem)]
-    named = [f"{name} ({share:.0%})" for share, name in sorted(parts, reverse=True) if share > SLACK]
+    named = [f"{name} ({share:.0%})" for share, name in sorted(parts, reverse=True) if share > NAMED]
     if not named:
         return ""
     return f"the cost does not determine {', '.join(named)} of the motion"
+
+
+def _holding(problem: Problem, solution: Solution, shape: tuple[int, ...]) -> Array:
+    """Return whether controls hold a state limit at the points of a motion, of a shape (K, nu)."""
+    result = np.zeros(shape, dtype=bool)
+    times = solution.samples(solution.scheme.points)[0]
+    for hold in contacts(problem, solution, state_limits(problem))[0]:
+        result[(times >= hold.start) & (times <= hold.end), hold.contact.control] = True
+    return result
 
 
 def undetermined(problem: Problem) -> Array:

@@ -109,6 +109,9 @@ def contacts(
             active = ACTIVE if limit.order > 1 else NEARLY
             for run in _runs(np.abs(values[number] - limit.at(side)) / limit.range, element, active):
                 first, last = t[run[0]], t[run[-1]]
+                if limit.order == 0:  # a constant control is at such a limit at one node of each element
+                    ends = solution.duration * solution.grid.ends
+                    first, last = ends[element[run[0]]], ends[element[run[-1]] + 1]
                 parts: list[LimitArc] = []
                 if last - first >= HELD_FOR * np.max(widths[element[run]]):
                     parts = _parts(problem, solution, limit, LimitArc(Contact(number, side), first, last), cells)
@@ -223,7 +226,12 @@ def strength_of(problem: Problem, limit: StateLimit, point: tuple[Array, Array, 
     """Return how much the range of a control changes the derivative of a limit in which it appears first."""
     low, high = problem.limits(Where.ALONG, problem.system.u)
     width = high[control] - low[control]
-    return abs(float(_effect(problem, limit, control)(*point))) * (width if np.isfinite(width) else 1.0)
+    return abs(effect_of(problem, limit, point, control)) * (width if np.isfinite(width) else 1.0)
+
+
+def effect_of(problem: Problem, limit: StateLimit, point: tuple[Array, Array, Array], control: int) -> float:
+    """Return the derivative by a control of the derivative of a limit in which it appears first."""
+    return float(_effect(problem, limit, control)(*point))
 
 
 @functools.lru_cache(maxsize=256)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
+from ocp.arcs.control_limits import blocking, coupled_limits, pushes_of
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
-from ocp.solution.structure import Contact, Kind
+from ocp.solution.structure import Arc, Contact, Kind
 from ocp.transcription.schemes.scheme import Scheme
 
 GAP = 1e-7  # accepted cost, share of the whole, that better controls would save to first order
@@ -26,13 +27,28 @@ LEAST = 1e-12  # cost of an interval with a wrong sign, share of the whole, that
 
 @dataclass(frozen=True)
 class WrongSign:
-    """An interval in which a control is at the bound that maximises H instead of minimising it."""
+    """An interval in which a control is at the bound that maximises H instead of minimising it.
+
+    Where a limit of controls and states is met before the other bound, the control is wanted at that limit.
+    """
 
     control: int
     start: float  # [s]
     end: float  # [s]
     gain: float  # cost that a change would save, to first order
     wanted: Kind
+    contact: Contact | None = None  # the limit at which the control is wanted
+
+    def cured(self, arc: Arc) -> Arc:
+        """Return an arc with the control as it is wanted; what else held the limit there is free."""
+        kinds, held = list(arc.kinds), [c for c in arc.held if c.control != self.control]
+        kinds[self.control] = self.wanted
+        if self.contact is not None:
+            for other in [c for c in held if c.limit == self.contact.limit]:
+                kinds[other.control] = Kind.INTERIOR if other.control >= 0 else kinds[other.control]
+                held.remove(other)
+            held.append(self.contact)
+        return replace(arc, kinds=tuple(kinds), held=tuple(sorted(held, key=lambda c: (c.limit, c.side))))
 
 
 @dataclass(frozen=True)
@@ -152,7 +168,11 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
     u = np.einsum("sm,kma->ksa", scheme.control_at(tau), motion.controls).reshape(n * s, -1)
     costates = np.einsum("sm,kma->ksa", scheme.costate_at(tau), motion.costates).reshape(n * s, -1)
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    result = switching_functions(problem, x, np.clip(u, low, high), costates, motion.parameters)
+    u = np.clip(u, low, high)
+    result = switching_functions(problem, x, u, costates, motion.parameters)
+    pushes = _pushes(task, motion, (x, u), result.values)
+    if pushes is not None:
+        result = switching_functions(problem, x, u, costates, motion.parameters, pushes)
     shares, gains = result.shares, result.gains
     if np.any(motion.pressed):
         shares, gains = _smoothed(task, motion, (shares, gains, result.values), u, tau)
@@ -166,10 +186,12 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
     weights = (seconds[:, None] * weight).ravel()
     kinds = np.array([[a.kinds[i].value for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     wrong: list[WrongSign] = []
+    mixed = np.array([[_is_held(task, a, i) for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     cost = max(abs(motion.result.cost), 1e-300)
     for i in range(u.shape[1]):
         for kind, wanted in ((Kind.LOWER, Kind.UPPER), (Kind.UPPER, Kind.LOWER)):
-            bad = (gains[:, i] > 0.0) & (kinds[:, i] == kind.value)
+            away = result.values[:, i] < 0.0 if wanted is Kind.UPPER else result.values[:, i] > 0.0
+            bad = (gains[:, i] > 0.0) & ((kinds[:, i] == kind.value) | (mixed[:, i] & away))
             edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
             for a, b in zip(edges[::2], edges[1::2], strict=True):
                 gain = float(weights[a:b] @ gains[a:b, i])
@@ -177,7 +199,10 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
                     # A single point at the end of an element stands for the way to the next point.
                     first = a - 1 if b - a == 1 and a % s == s - 1 else a
                     last = b if b - a == 1 and a % s == 0 else b - 1
-                    wrong.append(WrongSign(i, float(t[first]), float(t[last]), gain, wanted))
+                    worst = a + int(np.argmax(gains[a:b, i]))
+                    point = x[worst], u[worst], motion.parameters
+                    aim = (Kind.INTERIOR, None) if result.inside[worst, i] else _aim(task, point, i, wanted)
+                    wrong.append(WrongSign(i, float(t[first]), float(t[last]), gain, *aim))
     each = (weights * gains.sum(axis=1)).reshape(n, s).sum(axis=1) / cost
     return each, tuple(sorted(wrong, key=lambda w: -w.gain))
 
@@ -214,6 +239,41 @@ def _smoothed(
             scale = np.max(np.abs(values[k, :, i]))
             shares[k, :, i] *= np.max(np.abs(line)) / scale if scale else 0.0
     return shares.reshape(n * len(tau), -1), gains.reshape(n * len(tau), -1)
+
+
+def _is_held(task: ArcProblem, arc: Arc, control: int) -> bool:
+    """Return whether a control is at a limit that depends on itself and on states or other controls."""
+    return any(one.control == control and task.limits[one.limit].order == 0 for one in arc.held)
+
+
+def _aim(
+    task: ArcProblem, point: tuple[Array, Array, Array], control: int, wanted: Kind
+) -> tuple[Kind, Contact | None]:
+    """Return the kind of a control on its way to a bound, and the limit that it meets first."""
+    side = 1 if wanted is Kind.UPPER else -1
+    met = blocking(task.problem, point, control, side)
+    if met is not None:
+        numbers = [n for n, limit in enumerate(task.limits) if (limit.constraint, limit.component) == met[:2]]
+        return Kind.HOLDING, Contact(numbers[0], met[2], control)
+    bound = task.problem.limits(Where.ALONG, task.problem.system.u)[(side + 1) // 2][control]
+    return (wanted if np.isfinite(bound) else Kind.INTERIOR), None
+
+
+def _pushes(task: ArcProblem, motion: ArcMotion, point: tuple[Array, Array], slopes: Array) -> Array | None:
+    """Return what active limits of several controls add to dH/du (K, nu); None without such arcs."""
+    x, u = point
+    several = {(i, c) for i, c, own in coupled_limits(task.problem) if len(own) > 1}
+    per = len(x) // len(motion.grid)
+    result: Array | None = None
+    for k, arc in enumerate(motion.arcs):
+        chosen = [(task.limits[one.limit], one.control) for one in arc.held if one.control >= 0]
+        held = [(own.constraint, own.component, control) for own, control in chosen]
+        held = [one for one in held if one[:2] in several]
+        if held:
+            own = np.flatnonzero(np.repeat(motion.arc == k, per))
+            result = np.zeros_like(slopes) if result is None else result
+            result[own] = pushes_of(task.problem, held, (x[own], u[own], motion.parameters), slopes[own])
+    return result
 
 
 def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:

@@ -12,17 +12,16 @@ import numpy as np
 
 from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
+from ocp.arcs.control_limits import curved_limit
 from ocp.arcs.detection import read
 from ocp.arcs.gentle_arcs import EXCESS, settle_gently
 from ocp.arcs.least_effort import gentlest, slack, with_effort, without_effort
-from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.moving_grid import SETTINGS as MOVING
 from ocp.arcs.moving_grid import move_grid
-from ocp.arcs.settling import RESIDUAL, Attempt, Budget, settle
+from ocp.arcs.settling import LARGEST, RESIDUAL, Attempt, Budget, settle
 from ocp.arcs.switching import switching_functions
 from ocp.problem.problem import Problem
 from ocp.problem.sequence import Sequence
-from ocp.problem.state_constraints import StateLimit
 from ocp.solution.attached_problem import with_problem
 from ocp.solution.parallel_solution import in_phases
 from ocp.solution.sequence_solution import Motion, SequenceSolution
@@ -107,24 +106,23 @@ def polish(
     if solution.duration <= 0.0:
         return _unpolished(solution, "it has no duration")
     task = arc_problem(problem, scheme, solution.values)
-    limits = task.limits
-    together = [limit for limit in limits if limit.order == 0 and _couples(problem, limit)]
-    for hold in contacts(problem, solution, limits)[0] if together else []:
-        if limits[hold.contact.limit] in together:
-            name = limits[hold.contact.limit].label.name
-            return _unpolished(solution, f"{name} limits several controls together; arcs are those of single controls")
     allowed, iterations, reason = solution.cost + _doubt(problem, solution), 0, ""
     open_controls = slack(problem, solution) if _timed(problem) else ""
     kept = min(KEPT * seconds, EFFORT_SOLVES * solution.timings.total) if open_controls else 0.0
     budget = Budget(seconds - kept, sys.stderr.isatty() if settings.progress is None else settings.progress)
-    latest = solution
-    for motion, tried in _attempts(task, solution, settings, budget):
+    latest, curved = solution, curved_limit(problem)
+    if curved:
+        reason = f"{curved} is curved in several controls; arcs are those of controls at bounds and of linear limits"
+    for motion, tried in () if curved else _attempts(task, solution, settings, budget):
         latest, reason = motion, tried.reason or reason
         iterations += tried.iterations
         if tried.motion is None or tried.certificate is None:
             continue
         cost = tried.motion.result.cost - tried.motion.penalty
-        loose = between_points(tried.motion.solution(tried.task, solution))
+        found = tried.motion.solution(tried.task, solution)
+        loose, residual = between_points(found), float(np.max(found.error))
+        if residual > LARGEST:
+            loose.insert(0, f"the local error of the dynamics is {residual:.1e}, more elements are needed")
         if cost > allowed:
             reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
         elif loose:
@@ -184,7 +182,10 @@ def _attempts(
 
 
 def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budget: Budget) -> Solution:
-    """Return the motion with constant controls on a moved grid if it is better and keeps its limits; else the given."""
+    """Return the motion with constant controls on a moved grid if it is better and keeps its limits; else the given.
+
+    `ocp.estimate` gives the error of its cost.
+    """
     moved = coarse
     if budget.left > LAST:
         budget.show("no structure found, moving the grid")
@@ -200,11 +201,6 @@ def _timed(problem: Problem) -> bool:
     """Return whether only time counts."""
     cost, states = problem.minimise, problem.system.x
     return cost.running.is_zero() and not any(ca.depends_on(part, states) for part in (cost.final, cost.initial))
-
-
-def _couples(problem: Problem, limit: StateLimit) -> bool:
-    """Return whether a limit depends on more than one control."""
-    return sum(ca.which_depends(limit.chain[-1], problem.system.u, 1, False)) > 1
 
 
 def _doubt(problem: Problem, solution: Solution) -> float:

@@ -71,7 +71,9 @@ def swapped(arcs: tuple[Arc, ...]) -> tuple[Arc, ...]:
     return tuple(changed)
 
 
-def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> tuple[Arc, ...]:
+def without_false_contacts(
+    arcs: tuple[Arc, ...], certificate: Certificate, limits: tuple[StateLimit, ...]
+) -> tuple[Arc, ...]:
     """Return the arcs without contacts whose multiplier or jump has the wrong sign."""
     changed = list(arcs)
     for jump in certificate.jumps:
@@ -81,10 +83,10 @@ def without_false_contacts(arcs: tuple[Arc, ...], certificate: Certificate) -> t
     for k, contact in certificate.released:
         arc = changed[k]
         kinds = tuple(Kind.INTERIOR if i == contact.control else kind for i, kind in enumerate(arc.kinds))
-        touch = Contact(contact.limit, contact.side)
-        changed[k] = replace(
-            arc, kinds=kinds, held=tuple(c for c in arc.held if c != contact), touched=(*arc.touched, touch)
-        )
+        # A limit that depends on controls themselves is not touched: a control merely leaves it.
+        touch = (Contact(contact.limit, contact.side),) if limits[contact.limit].order else ()
+        held = tuple(c for c in arc.held if c != contact)
+        changed[k] = replace(arc, kinds=kinds, held=held, touched=(*arc.touched, *touch))
     return merged(tuple(changed))
 
 
@@ -118,6 +120,8 @@ def with_hold(
 ) -> tuple[Arc, ...]:
     """Return the arcs with a limit of first order active along the arc after the time at which it is met.
 
+    One that depends on controls themselves is active for the time in which it presses.
+
     Args:
         problem: one phase.
         arcs: the present structure.
@@ -125,6 +129,8 @@ def with_hold(
         limits: state limits of the problem.
     """
     limit = limits[crossing.contact.limit]
+    if limit.order == 0:
+        return _with_mixed_hold(problem, arcs, crossing, limit)
     if limit.order != 1:
         return arcs
     cut, k = cut_at(arcs, crossing.worst)
@@ -142,6 +148,22 @@ def with_hold(
     kinds = tuple(Kind.HOLDING if j == i else kind for j, kind in enumerate(arc.kinds))
     held = replace(arc, kinds=kinds, held=(*arc.held, contact), touched=touched)
     return merged((*cut[:k], held, *cut[k + 1 :]))
+
+
+def _with_mixed_hold(problem: Problem, arcs: tuple[Arc, ...], crossing: Crossing, limit: StateLimit) -> tuple[Arc, ...]:
+    """Return the arcs with a limit on controls and states active while it presses, held by a control that is free."""
+    depends = ca.which_depends(limit.chain[0], problem.system.u, 1, False)
+    cut, first = _cut(arcs, crossing.start)
+    cut, last = _cut(cut, crossing.end)
+    results = list(cut)
+    for k in range(first, max(last, first + 1)):
+        arc = cut[k]
+        free = [i for i, own in enumerate(depends) if own and arc.kinds[i] is Kind.INTERIOR]
+        if free and not any(c.limit == crossing.contact.limit for c in arc.held):
+            held = (*arc.held, Contact(crossing.contact.limit, crossing.contact.side, free[0]))
+            kinds = tuple(Kind.HOLDING if i == free[0] else kind for i, kind in enumerate(arc.kinds))
+            results[k] = replace(arc, kinds=kinds, held=tuple(sorted(held, key=lambda c: (c.limit, c.side))))
+    return merged(tuple(results))
 
 
 def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tuple[Arc, ...]:
@@ -175,13 +197,7 @@ def with_sign(arcs: tuple[Arc, ...], wrong: WrongSign, part: bool = False) -> tu
         chosen = [j for j, arc in enumerate(arcs) if a - 1e-12 <= starts[j] + arc.duration / 2.0 <= b + 1e-12]
     else:
         chosen = list(range(first, last + 1))
-    changed = tuple(
-        replace(arc, kinds=tuple(wrong.wanted if i == wrong.control else kind for i, kind in enumerate(arc.kinds)))
-        if j in chosen
-        else arc
-        for j, arc in enumerate(arcs)
-    )
-    return merged(changed)
+    return merged(tuple(wrong.cured(arc) if j in chosen else arc for j, arc in enumerate(arcs)))
 
 
 def revisions(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLimit, ...]) -> list[tuple[Arc, ...]]:
@@ -197,7 +213,7 @@ def revisions(motion: ArcMotion, certificate: Certificate, limits: tuple[StateLi
         return [arcs]
     results: list[tuple[Arc, ...]] = []
     if certificate.jumps or certificate.released:
-        results.append(without_false_contacts(arcs, certificate))
+        results.append(without_false_contacts(arcs, certificate, limits))
     results += [with_contact(arcs, crossing, limits) for crossing in certificate.crossings]
     for wrong in certificate.signs[:SIGNS]:
         results += [with_sign(arcs, wrong), with_sign(arcs, wrong, part=True)]

@@ -35,7 +35,9 @@ OVERSHOOT = 5e-4  # accepted excess of a control between collocation points, sha
 BETWEEN_POINTS = np.linspace(0.0, 1.0, 11)
 NEARLY = 1e-6  # gain, share of the cost, and violation of limits, share of their ranges, if nothing better is found
 ROUGH = 1e-5  # local error of the dynamics, share of the range of a state, accepted then
+MORE_DOUBLINGS = 6  # the same where the residual would not be accepted at all
 DOUBLINGS = 3  # of the elements, until the residual is small enough
+LARGEST = 1e-4  # local error above which no motion is called polished
 RESIDUAL = 5e-7  # accepted local error of the dynamics on an element, share of the range of a state
 REVISIONS = 16  # most structures tried for one detection
 FAILURES = 2  # most structures whose NLP is not solved, for one detection
@@ -43,7 +45,14 @@ PUSHED = 1e-4  # largest change of a scaled unknown when the barrier of inactive
 STRONG = 1e-2  # penalty on the distance of singular controls from the last iterate, cost per second; halved each step
 # Where the first NLP is not solved, it is tried again from farther inside its bounds.
 PATIENT = 60  # iterations from there
-FAR = {"mu_init": 1e-2, "bound_push": 1e-2, "bound_frac": 1e-2}
+CLOSE = {"mu_init": 1e-9, "bound_push": 1e-9, "bound_frac": 1e-9}  # for the same structure with more elements
+FAR = {
+    "accept_every_trial_step": "no",
+    "watchdog_shortened_iter_trigger": 2,
+    "mu_init": 1e-2,
+    "bound_push": 1e-2,
+    "bound_frac": 1e-2,
+}
 PROXIMAL, LEFT = 8, 1e-11  # most proximal steps; they end when the penalty is this share of the cost
 
 
@@ -125,6 +134,8 @@ def settle(
         begin = settings
         if far or new_singular:
             begin = replace(settings, max_iter=max(settings.max_iter, PATIENT), extra={**settings.extra, **FAR})
+        elif level and not loose:
+            begin = replace(settings, extra={**settings.extra, **CLOSE})
         budget.show(f"structure {len(seen) + 1} with {len(arcs)} arcs")
         nlp = prepare_arcs(task, arcs, elements, guess, budget.limited(begin), weight)
         motion = nlp.solve(nlp.start(guess, durations(arcs)))
@@ -149,7 +160,8 @@ def settle(
         sound = certificate.sound
         worst = float(np.max(solution.error))
         density = denser(motion, solution)
-        if loose and worst > RESIDUAL:  # singular controls oscillate where elements are of different widths
+        # Singular controls oscillate where elements are of different widths.
+        if worst > LARGEST or (loose and worst > RESIDUAL):
             density = motion.grid.ends, 2.0 / motion.grid.widths
         pressed = pressing(nlp, motion)[:2]
         kept = without_vanished(motion.arcs)
@@ -172,7 +184,7 @@ def settle(
         if not sound and (level >= DOUBLINGS or (level >= 1 and worst <= RESIDUAL)):
             return near or Attempt(None, None, complaint(task, certificate), iterations, task)
         settled = Attempt(motion, certificate, "", iterations, task) if sound else None
-        if not sound or (worst > RESIDUAL and level < DOUBLINGS):
+        if not sound or (worst > RESIDUAL and level < (DOUBLINGS if worst <= LARGEST else MORE_DOUBLINGS)):
             arcs, guess, level = motion.arcs, from_solution(solution), level + 1
             continue
         if regularised:

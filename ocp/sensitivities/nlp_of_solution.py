@@ -73,7 +73,7 @@ class Reconstruction:
 
     def touches(self) -> Iterator[tuple[str, int, int]]:
         """Yield for every touch point of a polished solution its name, its constraint row, and the side (-1, 1)."""
-        ties = zip(self.posed.conditions, self.nlp.conditions, strict=True) if self.posed else ()
+        ties = zip(self.posed.conditions, self.nlp.conditions, strict=False) if self.posed else ()
         for tie, rows in ties:
             assert self.posed is not None
             if tie.contact in self.posed.arcs[tie.arc].touched and not tie.along:

@@ -12,7 +12,7 @@ from models import Scene
 from models.effects import Gravity
 from models.mechanics.terms import name_of
 from models.plots.signals import minimised, phases, problem_of
-from ocp import Free, Report, SequenceSolution, Solution
+from ocp import Free, Report, SequenceSolution, Solution, estimate
 from reports.motion_table import finite
 from reports.verdict import Verdict
 
@@ -49,6 +49,7 @@ def account(
     }
 
 
+MOVED = "grid moved"
 NO_BALANCE = "no balance: the system has no signals energy and power"
 
 
@@ -58,11 +59,10 @@ def optimality(solution: Solution | SequenceSolution, report: Report) -> list[st
     timed = cost.time == 1.0 and cost.running.is_zero() and cost.final.is_zero() and cost.initial.is_zero()
     if not timed:
         words.append(f"cost         {solution.cost:.6g}, {minimised(solution)}")
-    if not np.isfinite(report.switching):
-        return [
-            *words,
-            "above opt.   not estimated: limits that couple drives (torque-speed, power) have no switching function",
-        ]
+    if not np.isfinite(report.switching) or MOVED in solution.message:
+        # Limits that couple drives with speeds have no switching functions, a moved grid has errors of other kinds too.
+        unit = " s" if timed else ""
+        return [*words, f"above opt.   about {estimate(solution).cost:.1e}{unit} above this local optimum, by ocp.estimate"]
     amount = report.amounts.get("switching") or f"{100 * report.switching:.2g} % of the cost"
     return [*words, f"above opt.   about {amount} above this local optimum, by the switching functions (first order)"]
 
@@ -95,7 +95,7 @@ def describe(
     show(f"verdict      {verdict}")
     status = solution.status.name.lower()
     show(f"t_f          {solution.duration:.{digits}f} s ({status}, {solution.iterations} iterations)")
-    if "polished" in solution.message:
+    if "polished" in solution.message or MOVED in solution.message:
         show(f"polish       {solution.message.partition('; ')[2]}")
     for line in optimality(solution, report):
         show(line)
