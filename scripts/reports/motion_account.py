@@ -62,7 +62,8 @@ def optimality(solution: Solution | SequenceSolution, report: Report) -> list[st
     if not np.isfinite(report.switching) or MOVED in solution.message:
         # Limits that couple drives with speeds have no switching functions, a moved grid has errors of other kinds too.
         unit = " s" if timed else ""
-        return [*words, f"above opt.   about {estimate(solution).cost:.1e}{unit} above this local optimum, by ocp.estimate"]
+        amount = f"{estimate(solution).cost:.1e}{unit}"
+        return [*words, f"above opt.   about {amount} above this local optimum, by ocp.estimate"]
     amount = report.amounts.get("switching") or f"{100 * report.switching:.2g} % of the cost"
     return [*words, f"above opt.   about {amount} above this local optimum, by the switching functions (first order)"]
 
