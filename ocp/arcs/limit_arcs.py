@@ -109,9 +109,8 @@ def contacts(
             active = ACTIVE if limit.order > 1 else NEARLY
             for run in _runs(np.abs(values[number] - limit.at(side)) / limit.range, element, active):
                 first, last = t[run[0]], t[run[-1]]
-                if limit.order == 0:  # a constant control is at such a limit at one node of each element
-                    ends = solution.duration * solution.grid.ends
-                    first, last = ends[element[run[0]]], ends[element[run[-1]] + 1]
+                if limit.order == 0:
+                    first, last = _widened(first, last, solution, (element[run[0]], element[run[-1]]))
                 parts: list[LimitArc] = []
                 if last - first >= HELD_FOR * np.max(widths[element[run]]):
                     parts = _parts(problem, solution, limit, LimitArc(Contact(number, side), first, last), cells)
@@ -122,6 +121,16 @@ def contacts(
                     at = run[int(np.argmax(side * values[number][run]))]
                     touches.append((float(t[at]), Contact(number, side)))
     return holds, touches
+
+
+def _widened(first: float, last: float, solution: Solution, elements: tuple[int, int]) -> tuple[float, float]:
+    """Return a stretch of time with half of what is missing to whole elements, all at the ends of the motion.
+
+    A constant control is at a limit on itself and states at one node of each element.
+    """
+    ends, a, b = solution.duration * solution.grid.ends, *elements
+    begin = (first + ends[a]) / 2.0 if a else 0.0
+    return float(begin), float((last + ends[b + 1]) / 2.0 if b + 1 < len(solution.grid) else solution.duration)
 
 
 def _runs(distance: Array, element: Array, active: float) -> list[Array]:
@@ -155,12 +164,12 @@ def _parts(
         first, last = float(edges[run[0]]), float(edges[run[-1] + 1])
         if not cells.sharp and last - first < STUCK * length:
             continue
-        parts.append(LimitArc(replace_control(contact, control), begin, first))
+        parts.append(LimitArc(replace(contact, control=control), begin, first))
         other = _holder(problem, solution, limit, (first + last) / 2.0, _usually(inside[run])) if len(run) > 1 else -1
         if other >= 0:
-            parts.append(LimitArc(replace_control(contact, other), first, last))
+            parts.append(LimitArc(replace(contact, control=other), first, last))
         begin = last
-    parts.append(LimitArc(replace_control(contact, control), begin, whole.end))
+    parts.append(LimitArc(replace(contact, control=control), begin, whole.end))
     shortest = 0.5 * np.median(np.diff(edges)) if cells.sharp else STUCK * length
     return [part for part in parts if part.end - part.start > shortest]
 
@@ -186,11 +195,6 @@ def in_succession(cells: Cells, holds: list[LimitArc]) -> list[LimitArc]:
             start = min(results[-1].start + apart, (hold.start + hold.end) / 2.0)
         results.append(replace(hold, start=start))
     return results
-
-
-def replace_control(contact: Contact, control: int) -> Contact:
-    """Return a contact held by another control."""
-    return Contact(contact.limit, contact.side, control)
 
 
 def _usually(inside: Array) -> Array:
