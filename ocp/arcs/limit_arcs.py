@@ -198,7 +198,6 @@ def in_succession(cells: Cells, holds: list[LimitArc]) -> list[LimitArc]:
 
 
 def _usually(inside: Array) -> Array:
-    """Return (nu,) whether controls lie between their bounds in most of the cells (C, nu)."""
     return np.asarray(np.mean(inside, axis=0) > 0.5)
 
 
@@ -246,7 +245,6 @@ def _effect(problem: Problem, limit: StateLimit, control: int) -> ca.Function:
 
 
 def _holder(problem: Problem, solution: Solution, limit: StateLimit, t: float, inside: Array) -> int:
-    """Return the control that can hold a limit at a time (see `holder_of`)."""
     return holder_of(problem, limit, (solution.x(t), solution.u(t), solution.parameters), inside)
 
 
