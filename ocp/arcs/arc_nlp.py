@@ -36,8 +36,7 @@ from ocp.transcription.packing import pack
 from ocp.transcription.scaling import from_limits
 
 SHORT, TINY = 1e-3, 2e-7  # duration of an arc, share of the motion, below which it may shrink, and how far
-# Where the cost is flat in the times of junctions, a line search refuses the steps of Newton's method that find them.
-FLAT = {"accept_every_trial_step": "yes"}
+FLAT = {"accept_every_trial_step": "yes"}  # where the cost is flat in times of junctions, a line search refuses them
 LEAST = 1e-9  # least width of an arc on the grid, share of the motion, as a grid must increase
 
 
@@ -234,8 +233,7 @@ class ArcNlp:
 
 def transcribe_arcs(
     task: ArcProblem, arcs: tuple[Arc, ...], elements: tuple[int, ...], guess: Guess, weight: float = 0.0,
-    effort: bool = False, limited: bool = False, shares: Array | None = None,
-    tied: bool = False,
+    effort: bool = False, limited: bool = False, shares: Array | None = None, tied: bool = False,
 ) -> ArcNlp:  # fmt: skip
     """Return the NLP of a problem for a given structure, without a solver; arguments as for `prepare_arcs`."""
     arc, seconds = np.repeat(np.arange(len(arcs)), elements), durations(arcs)
@@ -254,9 +252,8 @@ def transcribe_arcs(
     total = bool(np.isfinite(totals(task.problem)).any())
     arc_layout = ArcLayout(np.arange(len(arc)) if tied else arc, rows, total, penalties, 0.0, ties)
     nlp = transcribe(freed, task.scheme, grid, scaling, arc_layout)
-    return ArcNlp(
-        task, arcs, shares, nlp, arc, arc_layout, conditions, junctions, True, None, None, 0.0, open_ends=open_ends
-    )  # fmt: skip
+    own = (conditions, junctions, True, None, None, 0.0)
+    return ArcNlp(task, arcs, shares, nlp, arc, arc_layout, *own, open_ends=open_ends)
 
 
 def prepare_arcs(

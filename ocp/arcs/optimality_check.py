@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
-from ocp.arcs.control_limits import blocking, coupled_limits, pushes_of
+from ocp.arcs.mixed_limits import aim_of, is_held, pushes_along
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
@@ -170,7 +170,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
     low, high = problem.limits(Where.ALONG, problem.system.u)
     u = np.clip(u, low, high)
     result = switching_functions(problem, x, u, costates, motion.parameters)
-    pushes = _pushes(task, motion, (x, u), result.values)
+    pushes = pushes_along(task, motion, (x, u), result.values)
     if pushes is not None:
         result = switching_functions(problem, x, u, costates, motion.parameters, pushes)
     shares, gains = result.shares, result.gains
@@ -186,7 +186,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
     weights = (seconds[:, None] * weight).ravel()
     kinds = np.array([[a.kinds[i].value for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     wrong: list[WrongSign] = []
-    mixed = np.array([[_is_held(task, a, i) for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
+    mixed = np.array([[is_held(task, a, i) for i in range(u.shape[1])] for a in motion.arcs])[np.repeat(motion.arc, s)]
     cost = max(abs(motion.result.cost), 1e-300)
     for i in range(u.shape[1]):
         for kind, wanted in ((Kind.LOWER, Kind.UPPER), (Kind.UPPER, Kind.LOWER)):
@@ -201,7 +201,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
                     last = b if b - a == 1 and a % s == 0 else b - 1
                     worst = a + int(np.argmax(gains[a:b, i]))
                     point = x[worst], u[worst], motion.parameters
-                    aim = (Kind.INTERIOR, None) if result.inside[worst, i] else _aim(task, point, i, wanted)
+                    aim = (Kind.INTERIOR, None) if result.inside[worst, i] else aim_of(task, point, i, wanted)
                     wrong.append(WrongSign(i, float(t[first]), float(t[last]), gain, *aim))
     each = (weights * gains.sum(axis=1)).reshape(n, s).sum(axis=1) / cost
     return each, tuple(sorted(wrong, key=lambda w: -w.gain))
@@ -239,41 +239,6 @@ def _smoothed(
             scale = np.max(np.abs(values[k, :, i]))
             shares[k, :, i] *= np.max(np.abs(line)) / scale if scale else 0.0
     return shares.reshape(n * len(tau), -1), gains.reshape(n * len(tau), -1)
-
-
-def _is_held(task: ArcProblem, arc: Arc, control: int) -> bool:
-    """Return whether a control is at a limit that depends on itself and on states or other controls."""
-    return any(one.control == control and task.limits[one.limit].order == 0 for one in arc.held)
-
-
-def _aim(
-    task: ArcProblem, point: tuple[Array, Array, Array], control: int, wanted: Kind
-) -> tuple[Kind, Contact | None]:
-    """Return the kind of a control on its way to a bound, and the limit that it meets first."""
-    side = 1 if wanted is Kind.UPPER else -1
-    met = blocking(task.problem, point, control, side)
-    if met is not None:
-        numbers = [n for n, limit in enumerate(task.limits) if (limit.constraint, limit.component) == met[:2]]
-        return Kind.HOLDING, Contact(numbers[0], met[2], control)
-    bound = task.problem.limits(Where.ALONG, task.problem.system.u)[(side + 1) // 2][control]
-    return (wanted if np.isfinite(bound) else Kind.INTERIOR), None
-
-
-def _pushes(task: ArcProblem, motion: ArcMotion, point: tuple[Array, Array], slopes: Array) -> Array | None:
-    """Return what active limits of several controls add to dH/du (K, nu); None without such arcs."""
-    x, u = point
-    several = {(i, c) for i, c, own in coupled_limits(task.problem) if len(own) > 1}
-    per = len(x) // len(motion.grid)
-    result: Array | None = None
-    for k, arc in enumerate(motion.arcs):
-        chosen = [(task.limits[one.limit], one.control) for one in arc.held if one.control >= 0]
-        held = [(own.constraint, own.component, control) for own, control in chosen]
-        held = [one for one in held if one[:2] in several]
-        if held:
-            own = np.flatnonzero(np.repeat(motion.arc == k, per))
-            result = np.zeros_like(slopes) if result is None else result
-            result[own] = pushes_of(task.problem, held, (x[own], u[own], motion.parameters), slopes[own])
-    return result
 
 
 def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:

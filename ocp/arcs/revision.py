@@ -153,8 +153,8 @@ def with_hold(
 def _with_mixed_hold(problem: Problem, arcs: tuple[Arc, ...], crossing: Crossing, limit: StateLimit) -> tuple[Arc, ...]:
     """Return the arcs with a limit on controls and states active while it presses, held by a control that is free."""
     depends = ca.which_depends(limit.chain[0], problem.system.u, 1, False)
-    cut, first = _cut(arcs, crossing.start)
-    cut, last = _cut(cut, crossing.end)
+    cut, first = cut_at(arcs, crossing.start)
+    cut, last = cut_at(cut, crossing.end)
     results = list(cut)
     for k in range(first, max(last, first + 1)):
         arc = cut[k]
