@@ -245,8 +245,7 @@ def transcribe_arcs(
     junctions = junctions_of(task, arcs, arc, grid.ends, guess)
     penalties = penalties_of(task, arcs, arc, None if effort else guess, grid, weight)
     open_ends = open_ends_of(task, arcs, arc, scaling.u) if limited else ()
-    limits = (own.condition for own in conditions)
-    rows = (*limits, *(own.condition for own in junctions), *(condition for _, condition in open_ends))
+    rows = (*(a.condition for a in conditions), *(a.condition for a in junctions), *(one for _, one in open_ends))
     inner = np.flatnonzero(np.diff(arc) == 0)
     ties = (inner, shares[inner + 1] / shares[inner]) if tied else None
     total = bool(np.isfinite(totals(task.problem)).any())
