@@ -21,7 +21,8 @@ def scales_of_states(solution: Solution, problem: Problem) -> tuple[Array, float
     """Return the scale (nx,) of each state, and the smallest energy with which an energy balance is compared.
 
     The scale is the range of the state, at least 1/1000 of the largest range with the same unit, at least 1/1000 of
-    the change that the controls could cause within the duration, and at least 1e-6 of the largest value.
+    the change that the controls could cause within the duration (or within the time in which a state falls back by
+    itself, if that is shorter), and at least 1e-6 of the largest value.
 
     Args:
         solution: with finite states.
@@ -43,8 +44,11 @@ def scales_of_states(solution: Solution, problem: Problem) -> tuple[Array, float
     ]
     largest = [np.nan_to_num(np.max([one[i] for one in results], axis=0), posinf=0.0) for i in range(len(parts))]
     by_x, by_u, power_by, energy_by = largest
-    caused = solution.duration * by_u @ control_scales(solution, problem)
-    caused = caused + solution.duration * by_x @ caused
+    # Where a state falls back by itself, a control moves it for the time that this takes only.
+    own = np.diag(by_x)
+    lasts = np.where(own * solution.duration > 1.0, 1.0 / np.where(own > 0.0, own, 1.0), solution.duration)
+    caused = lasts * (by_u @ control_scales(solution, problem))
+    caused = caused + lasts * ((by_x - np.diag(own)) @ caused)
     scale = np.maximum(np.maximum(width, LEAST * np.maximum(largest_of_unit(width, units), caused)), ROUNDING * value)
     energy_scale = float(np.sum(energy_by @ (ROUNDING * value)) + LEAST * solution.duration * np.sum(power_by @ caused))
     return np.where(scale > 0.0, scale, 1.0), energy_scale

@@ -24,8 +24,12 @@ An error with "from" is that of another local optimum, to which an estimate refe
 `multistart(problem, 12)` finds the published one. Cart-pole: shooting confirms both optima, and the lower one is not
 the published one. PROPT's 6.164 of the protein production was found from no start, the value here is our own; PSOPT's
 2.1050 of the two masses and 0.610775 of the batch reactor are not what shooting gives. Values of both least-time
-problems of Maurer could not be compared with their source. All rows come from one run beside other work: seconds are
-those of the processor, budgets those of the clock.
+problems of Maurer could not be compared with their source.
+
+Open: the default grid does not resolve the alp rider, which its estimate says, and refinement does not cure it; the
+shuttle finds no motion from the smooth guess, whose height and speed become negative; the protein production reaches
+the limit of the default solve, not that of the refined one. All rows but three come from one run beside other work:
+seconds are those of the processor, budgets those of the clock.
 
 | problem | published | default: error | estimate | s | refined: error | estimate | s | source |
 |---|---|---|---|---|---|---|---|---|
