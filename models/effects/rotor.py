@@ -55,6 +55,8 @@ class RotorInertia:
             matrix = checks.numbers("rotor_inertia.coupling", self.coupling, wanted)
             if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
                 raise checks.refused("rotor_inertia.coupling", self.coupling, wanted)
+        if isinstance(self.carried, list | tuple) and not self.carried:
+            raise checks.refused("rotor_inertia.carried", self.carried, "True or False, one for all drives or for each")
         for one in self.carried if isinstance(self.carried, list | tuple) else (self.carried,):
             checks.truth("rotor_inertia.carried", one)
         if self.carried and self.coupling is not None:

@@ -113,7 +113,7 @@ def along_tool_path(
     if machine.inverse is None:
         return of_arm(machine, path, law, choice, hold, rotation)
     if rotation is not None:
-        raise ValueError(f"rotation: {machine.name} has no joints to turn its tool; leave it out")
+        raise checks.refused("rotation", rotation, f"None, as {machine.name} has no joints to turn its tool")
     return _along(machine, path, law, choice, hold)
 
 
@@ -154,7 +154,7 @@ def through_tool_points(
     if machine.inverse is None:
         motion = of_arm(machine, path, law, choice, hold, rotation, since)
     elif rotation is not None:
-        raise ValueError(f"rotation: {machine.name} has no joints to turn its tool; leave it out")
+        raise checks.refused("rotation", rotation, f"None, as {machine.name} has no joints to turn its tool")
     else:
         motion = _along(machine, path, law, choice, hold, since)
     if ends is None and is_moving_at_its_ends(given.t, given.q):

@@ -108,7 +108,7 @@ def acting() -> tuple[Call, ...]:
         "PowerLimit": {"limit": A(100.0, POSITIVE), "brake": A(10.0, AT_LEAST_ZERO | OPTIONAL)},
         "RotorInertia": {
             "inertia": A(1e-4, many | zero | {"nones"}), "ratio": A(100.0, many | REAL | {"nones"}),
-            "coupling": A(None, OPTIONAL)},
+            "coupling": A(None, OPTIONAL), "carried": A(False, TRUTH)},
         "Stribeck": {
             "f": A(1.0, many | zero | {"nones"}), "f_static": A(1.5, many | zero | {"nones"}),
             "speed": A(0.1, many - each | {"nones"}), "width": A(0.01, many - each | {"nones"})},
@@ -212,10 +212,11 @@ def motions() -> tuple[Call, ...]:
             "machine": A(arm), "effects": A(example.NUMBERS, LIST), "path": A(path)}),
         Call("models.timed", models.timed, {"path": A(path), "solution": A(_timing(floor))}),
         Call("models.along_tool_path", models.along_tool_path, {
-            "machine": A(arm), "path": A(line), "law": A(law), **inverse}),
+            "machine": A(arm), "path": A(line), "law": A(law), "rotation": A(None, OPTIONAL), **inverse}),
         Call("models.through_tool_points", models.through_tool_points, {
             "machine": A(arm), "times": A([0.0, 1.0]),
-            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]]), "ends": A(None, OPTIONAL), **inverse}),
+            "points": A([[0.4, 0.3, 0.5], [0.5, 0.4, 0.6]]), "ends": A(None, OPTIONAL),
+            "rotation": A(None, OPTIONAL), **inverse}),
     )  # fmt: skip
 
 

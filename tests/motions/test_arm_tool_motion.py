@@ -114,7 +114,7 @@ def lifted(length, **options):
         (lambda: lifted(0.1, rotation=[1.0, 2.0]), "rotation"),
         (
             lambda: along_tool_path(spherical(), line([0, 1, 0], [0, 1, 0.3]), LAW, rotation=[0.0, 0.0, 0.0]),
-            "rotation: spherical has no joints to turn its tool",
+            "as spherical has no joints to turn its tool",
         ),
     ],
 )  # fmt: skip
