@@ -97,7 +97,7 @@ def studies() -> tuple[Call, ...]:
             "store": A(folder / "study.db", OPTIONAL | {"text"}), "scheme": A(ocp.radau(3), OPTIONAL),
             "grid": A(ocp.uniform(4), OPTIONAL), "solver": A(ocp.Ipopt(progress=False)),
             "polished": A(False, TRUTH), "neighbours": A(True, TRUTH), "verified": A(True, TRUTH),
-            "checked": A(0.1, SHARE), "gentle": A(False, TRUTH),
+            "checked": A(0.1, SHARE), "gentle": A(False, TRUTH), "starts": A(1),
             "measure": A(measures, CALLED), "slopes": A(False, TRUTH),
             "compiled": A(None, TRUTH | OPTIONAL), "settings": A({}, frozenset({"map", "names"})),
         }),
