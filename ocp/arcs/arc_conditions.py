@@ -52,7 +52,8 @@ def conditions_of(task: ArcProblem, arcs: tuple[Arc, ...], arc: Array, seconds: 
             fulfilled = before.get((contact.limit, contact.side), 0)
             if order > fulfilled and not (k == 0 and start_known):
                 conditions.append(condition(k, contact, range(fulfilled, order), False))
-        for contact in a.touched:
+        # A limit on controls themselves that is held for no time leaves nothing to hold.
+        for contact in (c for c in a.touched if task.limits[c.limit].order):
             conditions.append(condition(k, contact, range(min(task.limits[contact.limit].order, 2)), False))
     return tuple(conditions)
 
