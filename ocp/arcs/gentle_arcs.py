@@ -27,6 +27,7 @@ SPREAD = 0.3, 2.0  # durations of arcs, shares of the guessed ones
 GENTLE = 1e-5  # gain, share of the cost, that controls may give away by taking the least effort
 ENOUGH = 5e-6  # the same, below which nothing more is tried
 EXCESS, MOST_EXCESS = 1e-6, 1e-4  # wanted and accepted violation of a state limit, share of its range
+KEPT = 5e-4  # the same, for a motion that is not called polished
 FINE = 5e-7  # wanted local error of the dynamics, share of the range of a state
 LARGE = 1e-5  # the same, above which elements are divided; below, the limit is drawn in
 TIGHTER = 1.05  # by how much a state limit is drawn in where it is exceeded between points, share of the excess
@@ -76,9 +77,14 @@ class _Judged:
         return max(self.certificate.gap / ENOUGH, self.excess / EXCESS, self.drift / DRIFT)
 
     @property
+    def feasible(self) -> bool:
+        """Whether limits and equations of motion are kept."""
+        return self.excess <= KEPT and self.drift <= MOST_DRIFT
+
+    @property
     def acceptable(self) -> bool:
-        """Whether it may be returned."""
-        return self.certificate.gap <= GENTLE and self.excess <= MOST_EXCESS and self.drift <= MOST_DRIFT
+        """Whether it may be returned as polished."""
+        return self.feasible and self.certificate.gap <= GENTLE and self.excess <= MOST_EXCESS
 
 
 def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: Budget) -> Attempt:
@@ -96,6 +102,9 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
         coarse: motion with least effort on a moved grid, with controls that are linear on each element.
         settings: of IPOPT.
         budget: of seconds.
+
+    Returns:
+        The motion; with a reason beside it if better controls would save more than may be left.
     """
     loose = replace(task, scheme=coarse.scheme)
     arcs = read_loosely(task.problem, coarse)
@@ -103,6 +112,7 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
     now = _Step(arcs, ends, from_solution(coarse, SAMPLES), ())
     rate, iterations = abs(coarse.cost) / coarse.duration, 0
     best: _Judged | None = None
+    near: _Judged | None = None  # that keeps its limits, whatever may be gained
     sharper, more = SHARPER, MORE
     reason = "the structure does not settle"
     begin = replace(settings, tol=TOL, max_iter=ITERATIONS, extra={**settings.extra, **START})
@@ -122,6 +132,8 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
             break
         judged = _judged(loose, motion, coarse)
         reason = complaint(loose, judged.certificate)
+        if judged.feasible and (near is None or judged.score < near.score):
+            near = judged
         if judged.acceptable and (best is None or judged.score < best.score):
             best = judged
         if judged.certificate.gap <= GENTLE and sharper:
@@ -133,10 +145,12 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
         if judged.score <= 1.0 or not more:
             break
         now = _next(loose, judged, now)
-    if best is None:
+    if near is None:
         return Attempt(None, None, reason, iterations, loose)
-    motion = replace(best.motion, arcs=with_active_limits(loose, best.motion))
-    return Attempt(motion, best.certificate, "", iterations, loose)
+    chosen = best or near
+    motion = replace(chosen.motion, arcs=with_active_limits(loose, chosen.motion))
+    reason = "" if best else complaint(loose, chosen.certificate)
+    return Attempt(motion, chosen.certificate, reason, iterations, loose)
 
 
 def _sharpened(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
+from ocp.arcs.control_limits import sides_of
 from ocp.arcs.mixed_limits import aim_of, is_held, pushes_along
 from ocp.arcs.state_limit_multipliers import Jump
 from ocp.arcs.switching import switching_functions
@@ -105,8 +106,12 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
         task: the problem.
         motion: the solution of its NLP.
 
+    Arcs on a limit of odd order from three on join no others where the Hamiltonian is convex in the control: such a
+    limit is touched only.
+
     Source: Hartl, Sethi, Vickson, A survey of the maximum principles for optimal control problems with state
-        constraints, SIAM Review 37, 1995 (direct adjoining).
+        constraints, SIAM Review 37, 1995 (direct adjoining); Jacobson, Lele, Speyer, New necessary conditions of
+        optimality for control problems with state-variable inequality constraints, J. Math. Anal. Appl. 35, 1971.
     """
     limits, scheme = task.limits, task.scheme
     each, signs = _signs(task, motion)
@@ -128,6 +133,8 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
         for p, push in zip(motion.limit_multipliers, pushes, strict=True)
         if push * sizes[p.contact.limit] < -RELEASED
     )
+    held = ((k, c, len(task.chain(c)) - 1) for k, arc in enumerate(motion.arcs) for c in arc.held if c.control >= 0)
+    released += tuple((k, c) for k, c, order in held if order >= 3 and order % 2 and c.control not in task.singular)
     return Certificate(float(each.sum()), signs, _crossings(task, motion), jumps, released, each)
 
 
@@ -175,7 +182,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
         result = switching_functions(problem, x, u, costates, motion.parameters, pushes)
     shares, gains = result.shares, result.gains
     if np.any(motion.pressed):
-        shares, gains = _smoothed(task, motion, (shares, gains, result.values), u, tau)
+        shares, gains = _smoothed(task, motion, (shares, gains, result.values), (x, u), tau)
     gains = np.where(np.abs(shares) > SIGNIFICANT, gains, 0.0)
     seconds = motion.duration * motion.grid.widths
     t = (motion.duration * motion.grid.ends[:-1, None] + seconds[:, None] * tau).ravel()
@@ -208,7 +215,7 @@ def _signs(task: ArcProblem, motion: ArcMotion) -> tuple[Array, tuple[WrongSign,
 
 
 def _smoothed(
-    task: ArcProblem, motion: ArcMotion, functions: tuple[Array, Array, Array], u: Array, tau: Array
+    task: ArcProblem, motion: ArcMotion, functions: tuple[Array, Array, Array], point: tuple[Array, Array], tau: Array
 ) -> tuple[Array, Array]:
     """Return shares and gains with smooth switching functions on elements where state limits press at single points.
 
@@ -219,11 +226,12 @@ def _smoothed(
         task: the problem.
         motion: its motion.
         functions: shares, gains and values (N s, nu) at the points.
-        u: (N s, nu) controls.
+        point: states (N s, nx) and controls (N s, nu).
         tau: (s,) points of each element.
     """
     scheme, n = task.scheme, len(motion.grid)
-    low, high = task.problem.limits(Where.ALONG, task.problem.system.u)
+    x, u = point
+    low, high = (side.reshape(n, len(tau), -1) for side in sides_of(task.problem, x, u, motion.parameters))
     at_points = np.isin(tau, scheme.points)
     basis, root = np.vander(scheme.points, 2), np.sqrt(scheme.weights)
     fit = basis @ np.linalg.pinv(root[:, None] * basis) * root
@@ -231,10 +239,13 @@ def _smoothed(
     shares, gains, values = (part.reshape(n, len(tau), -1).copy() for part in functions)
     at = u.reshape(shares.shape)
     for i in sorted(task.singular):
-        for k in np.flatnonzero(motion.pressed) if np.isfinite(high[i] - low[i]) else ():
+        for k in np.flatnonzero(motion.pressed & np.all(np.isfinite(high[:, :, i] - low[:, :, i]), axis=1)):
             own, free = values[k, at_points, i], motion.arcs[motion.arc[k]].kinds[i] is Kind.INTERIOR
             line = (fit @ own)[between]
-            each = [s * np.where(s > 0.0, at[k, :, i] - low[i], at[k, :, i] - high[i]) for s in (line, own[between])]
+            each = [
+                s * np.where(s > 0.0, at[k, :, i] - low[k, :, i], at[k, :, i] - high[k, :, i])
+                for s in (line, own[between])
+            ]
             gains[k, :, i] = np.maximum(each[0] if free else np.minimum(*each), 0.0)
             scale = np.max(np.abs(values[k, :, i]))
             shares[k, :, i] *= np.max(np.abs(line)) / scale if scale else 0.0

@@ -110,7 +110,7 @@ def polish(
     open_controls = slack(problem, solution) if _timed(problem) else ""
     kept = min(KEPT * seconds, EFFORT_SOLVES * solution.timings.total) if open_controls else 0.0
     budget = Budget(seconds - kept, sys.stderr.isatty() if settings.progress is None else settings.progress)
-    latest, curved = solution, curved_limit(problem)
+    latest, near, curved = solution, solution, curved_limit(problem)
     if curved:
         reason = f"{curved} is curved in several controls; arcs are those of controls at bounds and of linear limits"
     for motion, tried in () if curved else _attempts(task, solution, settings, budget):
@@ -127,11 +127,16 @@ def polish(
             reason = f"the structure read leads to a cost of {cost:.9g}, more than {solution.cost:.9g}"
         elif loose:
             reason = loose[0]
+        elif tried.reason:
+            near = found
         else:
             budget.show("")
             return _polished(solution, tried, (iterations, time.perf_counter() - begun))
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
+    if near is not solution and near.cost < solution.cost:
+        budget.show("")
+        return _unpolished(_with_gain(near, solution), reason)
     result = _on_moved_grid(solution, latest, problem, budget)
     if open_controls:
         result, words = _with_least_effort(result, problem, replace(budget, seconds=seconds))
@@ -193,7 +198,11 @@ def _on_moved_grid(solution: Solution, coarse: Solution, problem: Problem, budge
     found = moved.status is Status.SOLVED and moved.scheme.control is Control.CONSTANT and moved is not solution
     if not found or moved.cost > solution.cost or between_points(moved):
         return solution
-    gain = (solution.cost - moved.cost) / max(abs(solution.cost), 1e-300)
+    return _with_gain(moved, solution)
+
+
+def _with_gain(moved: Solution, given: Solution) -> Solution:
+    gain = (given.cost - moved.cost) / max(abs(given.cost), 1e-300)
     return replace(moved, message=f"{Status.SOLVED.value}; grid moved to the switches, cost lower by {gain:.1e}")
 
 

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from catalogue import problems
+from catalogue import problems, published
 from time_optimal import TASKS
 
 from models import recover
@@ -241,6 +241,14 @@ def test_a_limit_held_by_a_saturated_drive_is_polished():
     report = verify(solution)
     assert report.ok
     assert report.violation < 1e-5
+
+
+def test_a_limit_of_third_order_is_touched_only():
+    known = published.PUBLISHED["Robbins"]
+    solution = polish(solve(known.make(), grid=uniform(50)))
+    assert solution.structure is not None, solution.message
+    assert not any(row.kind is Kind.LIMIT for row in solution.structure)
+    assert solution.cost == pytest.approx(known.value, rel=3e-7)  # 19.43178 by a convex QP of 4000 elements
 
 
 def test_unsolved_solution_is_returned_with_the_reason():
