@@ -59,7 +59,8 @@ def polish(
     vanish are dropped, contacts with a multiplier of the wrong sign released, contacts added where a limit is exceeded
     or presses on the motion, and arcs inserted where a switching function has the wrong sign, until nothing is wrong.
     If that fails, or if there are controls between their bounds that the cost does not determine, the structure is read
-    again from a grid whose widths are unknowns, with a small cost on effort that makes such controls smooth.
+    again from a grid whose widths are unknowns, with a small cost on effort that makes such controls smooth. There only
+    what stays at a bound on whole elements is fixed, and state limits are inequalities, until little is left to gain.
     Where little or nothing is left to choose, the last steps are those of Newton's iteration on the equations alone, as
     the barrier of limits that the motion only comes near moves its switches by 1e-8 of the duration.
 
@@ -69,15 +70,16 @@ def polish(
     Args:
         solution: solved, of a Problem or a Sequence, whose phases are polished together.
         problem: needed only for a solution loaded without it.
-        scheme: with collocated control, default legendre(6, control=Control.COLLOCATED).
+        scheme: with collocated control, default legendre(6, control=Control.COLLOCATED). A motion with controls that
+            the cost hardly determines may come back with legendre(4, control=Control.SEGMENTS), linear on each element.
         solver: settings of IPOPT.
         seconds: of processor time, after which no further structure is tried.
 
     Returns:
         The polished solution with its `structure`; it counts only if it is solved, confirms or improves the cost, and
         meets the sign conditions. Else a solution with structure None and the reason in its message: on a grid moved to
-        the switches if that has a lower cost, or the given one; controls that minimum time leaves open are those of
-        least effort then.
+        the switches if that has a lower cost and keeps its limits, or the given one; controls that minimum time leaves
+        open are those of least effort then.
         `timings` are those of polishing alone: derivatives and solver of its last solve, set-up for all before it.
 
     Raises:
