@@ -15,6 +15,7 @@ from ocp import (
     SequenceSolution,
     Solution,
     System,
+    gentlest,
     multistart,
     polish,
     radau,
@@ -55,6 +56,9 @@ def add_solving(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--polish", action="store_true", help="make the switching times unknowns; t_f to about nine digits"
+    )
+    parser.add_argument(
+        "--gentle", action="store_true", help="let drives that the time leaves open move with the least effort"
     )
     names = ", ".join(f"{name}={value:g}" for name, value in _defaults().items())
     parser.add_argument(
@@ -102,6 +106,9 @@ def find(
     if options.polish:
         with working("polishing", shown, own_line=True):
             solution = polish(solution)  # type: ignore[type-var]  # either kind gives its own kind
+    if options.gentle and solution.structure is None:  # a polished motion moves like that already
+        with working("least effort", shown, own_line=True):
+            solution = gentlest(solution)  # type: ignore[type-var]
     return solution
 
 

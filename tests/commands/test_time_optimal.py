@@ -114,3 +114,18 @@ def test_another_cost_than_time_is_named(tmp_path: Path) -> None:
     assert "constant along an optimal motion" in done.stdout
     assert "-1 is optimal" not in done.stdout
     assert " s above" not in done.stdout
+
+
+@pytest.mark.slow
+def test_drives_with_slack_take_the_least_effort(tmp_path: Path) -> None:
+    found = []
+    for options in ((), ("--gentle",)):
+        path = tmp_path / str(len(options))
+        done = run("--machine", "cylindrical", "--nodes", "30", "--output", str(path), *options)
+        assert done.returncode == 0, done.stderr
+        rows = np.loadtxt(path / "time_optimal.csv", delimiter=",", skiprows=1)
+        header = (path / "time_optimal.csv").read_text(encoding="utf-8").partition("\n")[0].split(",")
+        found.append((rows[-1, 0], np.mean(rows[:, header.index("tau_xi [N]")] ** 2)))
+    (before, chatter), (after, least) = found
+    assert after == pytest.approx(before, rel=2e-4)
+    assert least < chatter
