@@ -137,7 +137,7 @@ def test_a_large_point_is_compiled_once(cache, heated, monkeypatch):
     assert other.duration == pytest.approx(one.duration, rel=1e-12)
     assert np.allclose(other.states, one.states, rtol=0, atol=1e-9)
     assert one.states.shape[-1] == 2 * n
-    monkeypatch.setattr("ocp.transcription.derivatives.LARGE", 10**9)
+    monkeypatch.setattr("ocp.transcription.local_functions.LARGE", 10**9)
     prepare(task, grid=uniform(12), compiled=True)
     assert size < 0.6 * max(path.stat().st_size for path in libraries(cache))
 
