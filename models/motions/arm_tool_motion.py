@@ -10,6 +10,7 @@ import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.motions.coordinate_labels import labels_of
+from models.motions.latest_derivatives import remembered
 from models.motions.least_movement import Least, SingularError, matrices_of, pulled, pushed, settled, tool_functions
 from models.motions.motion import Motion
 from models.motions.timing_laws import Composed
@@ -73,12 +74,7 @@ class ArmCurve:
 
     def __call__(self, t: Array, order: int) -> Array:
         """Return the derivative of the given order (K, n) at times (K,)."""
-        if len(self.last) > order + 1 and np.array_equal(self.last["t"], t):
-            return self.last[str(order)]
-        results = self._derivatives(t, max(order, 2))
-        self.last.clear()
-        self.last.update({"t": t.copy(), **{str(k): part for k, part in enumerate(results)}})
-        return results[order]
+        return remembered(self.last, t, order, self._derivatives)
 
     def _derivatives(self, t: Array, highest: int) -> list[Array]:
         s = self.tool.law.derivative(t, 0)[:, 0]

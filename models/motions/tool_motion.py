@@ -12,6 +12,7 @@ from models.machines.inverse_kinematics import Configurations, Inverse, wrapped
 from models.machines.manipulator import Manipulator
 from models.motions.arm_tool_motion import of_arm
 from models.motions.coordinate_labels import labels_of
+from models.motions.latest_derivatives import remembered
 from models.motions.motion import Motion
 from models.motions.piecewise import Piecewise
 from models.motions.recording import check_rows
@@ -44,12 +45,7 @@ class ToolCurve:
 
     def __call__(self, t: Array, order: int) -> Array:
         """Return the derivative of the given order (K, n) at times (K,)."""
-        if len(self.last) > order + 1 and np.array_equal(self.last["t"], t):
-            return self.last[str(order)]
-        results = self._derivatives(t, max(order, 2))
-        self.last.clear()
-        self.last.update({"t": t.copy(), **{str(k): part for k, part in enumerate(results)}})
-        return results[order]
+        return remembered(self.last, t, order, self._derivatives)
 
     def _derivatives(self, t: Array, highest: int) -> list[Array]:
         """Return q, v, a, ... up to the highest order, (K, n) each."""

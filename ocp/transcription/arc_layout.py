@@ -42,11 +42,11 @@ class Penalty:
 
     Args:
         controls: (m,) indices of the controls.
-        reference: (e, d, m) controls at the collocation points of every element.
+        reference: (e, c, m) values of the control unknowns of every element [unit of the control].
         scale: (m,) scales of the controls.
         weight: [cost/s].
         elements: (e,) indices of the elements.
-        quadrature: (d,) weights of the collocation points.
+        quadrature: (c,) weights of the control unknowns, sum 1.
     """
 
     controls: Array

@@ -84,7 +84,7 @@ def test_slack_axis_is_polished_with_least_effort():
     problem = two_axes()
     solution = polish(solve(problem, grid=uniform(21), solver=QUIET))
     assert solution.structure is not None, solution.message
-    assert solution.cost == pytest.approx(2.0, abs=1e-7)  # the barrier of the limits leaves 2e-8
+    assert solution.cost == pytest.approx(2.0, abs=1e-9)
     kinds = {name: [row.kind for row in solution.structure if row.name == name] for name in ("u_1", "u_2")}
     assert kinds == {"u_1": [Kind.UPPER, Kind.LOWER], "u_2": [Kind.INTERIOR]}
     assert solution.structure.switches("u_1") == pytest.approx((1.0,), abs=1e-7)

@@ -35,20 +35,34 @@ def motion(form, speeds):
                           q=([0.15, -3.0, -3.0, 0.6], [2.8, 3.0, 3.0, 1.1]))  # fmt: skip
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("speeds", [[2.0, FREE, FREE, FREE], [FREE, FREE, 4.0, FREE], [FREE, FREE, FREE, 0.6]], ids=str)
-def test_speeds_of_joints_are_states_in_one_form_and_expressions_in_the_other(speeds):
+def polished_in_both(speeds):
+    """Return the polished motions in canonical form, where speeds are expressions, and in Lagrange form, verified."""
     found = [
         polish(solve(motion(form, speeds), grid=uniform(100), solver=QUIET), seconds=100.0)
         for form in (canonical, lagrange)
     ]
     assert all(solution.structure is not None for solution in found), [solution.message for solution in found]
-    # Drives with slack are free to take different ways: what they leave open is what both say of their conditions.
-    assert found[0].duration == pytest.approx(found[1].duration, rel=3e-6)
-    kinds = [[arc.kinds for arc in solution.structure.arcs] for solution in found]
-    if kinds[0] == kinds[1] and not any(Kind.INTERIOR in kind for kind in kinds[0]):
-        assert found[0].duration == pytest.approx(found[1].duration, abs=1e-9)
-        starts = [np.cumsum([arc.duration for arc in solution.structure.arcs]) for solution in found]
-        np.testing.assert_allclose(starts[0], starts[1], atol=1e-6)
     reports = [verify(solution) for solution in found]
     assert all(report.ok for report in reports), [report.failures for report in reports]
+    return found, reports
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speeds", [[2.0, FREE, FREE, FREE], [FREE, FREE, FREE, 0.6]], ids=str)
+def test_speeds_of_joints_are_states_in_one_form_and_expressions_in_the_other(speeds):
+    found, reports = polished_in_both(speeds)
+    assert found[0].duration == pytest.approx(found[1].duration, abs=1e-9)
+    kinds = [[arc.kinds for arc in solution.structure.arcs] for solution in found]
+    assert kinds[0] == kinds[1]
+    starts = [np.cumsum([arc.duration for arc in solution.structure.arcs]) for solution in found]
+    np.testing.assert_allclose(starts[0], starts[1], atol=1e-6)
+    assert max(report.hamiltonian for report in reports) < 1e-5
+
+
+@pytest.mark.slow
+def test_drives_with_slack_take_another_way_in_each_form():
+    # Only the duration is the same, up to what the sign conditions leave open; 0.681618014 s with another structure.
+    found, reports = polished_in_both([FREE, FREE, 4.0, FREE])
+    assert found[0].duration == pytest.approx(found[1].duration, rel=1e-6)
+    assert max(solution.duration for solution in found) < 0.681618014
+    assert max(report.violation for report in reports) < 1e-5
