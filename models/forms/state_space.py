@@ -11,7 +11,7 @@ from models.machines.frames import Frame, without_negligible
 from models.mechanics.mechanics import Mechanics
 from models.mechanics.singular_metric import singularities, vanishing_inertia
 from models.mechanics.terms import OF_MOTION, Quantity
-from ocp.system import Implicit, Label, System
+from ocp.system import Implicit, Label, Singularity, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,14 @@ class InnerEquations:
 
 
 @dataclass(frozen=True, eq=False)
+class Accelerations:
+    """Accelerations as the control, and the control of the drives that causes them."""
+
+    control: Quantity  # (n,) symbols
+    of_drives: ca.SX  # (n,) in terms of q, v, the accelerations and the clock
+
+
+@dataclass(frozen=True, eq=False)
 class Equations:
     """Equations of motion in velocity coordinates of a form."""
 
@@ -40,6 +48,7 @@ class Equations:
     kinetic: ca.SX | None = None  # kinetic energy; None: w' g' w / 2 in the frame
     notes: tuple[str, ...] = ()  # sentences about how the equations were built
     inner: InnerEquations | None = None  # the same with unknowns of their own, for shorter derivatives
+    accelerations: Accelerations | None = None  # None: the drives are the control
 
 
 Form = Callable[[Mechanics], Equations]
@@ -47,6 +56,9 @@ Form = Callable[[Mechanics], Equations]
 
 def as_system(mechanics: Mechanics, form: Form) -> System:
     """Return the System with x = [q; symbol; states of effects] and u = the control, tau for ideal drives.
+
+    With accelerations as the control, the control of the drives is an expression in them, and so are tau and all that
+    depends on it.
 
     Args:
         mechanics: machine and effects.
@@ -75,11 +87,15 @@ def as_system(mechanics: Mechanics, form: Form) -> System:
     labels = {name: tuple(Label(*pair) for pair in quantity.labelled(name)) for name, quantity in published.items()}
     labels["x"] = labels["q"] + labels["v" if kind == "v" else kind]
     labels["x"] += tuple(Label(name, state.unit) for name, state in states.items())
-    labels["u"] = tuple(Label(*pair) for pair in mechanics.control.labelled("u"))
+    control = mechanics.control if equations.accelerations is None else equations.accelerations.control
+    labels["u"] = tuple(Label(*pair) for pair in control.labelled("u"))
     x, u, p, rate = _rate(mechanics, equations)
     signals = _with_motion(mechanics, signals, (x, u, rate))
     nominal = {**{name: machine.nominal[name] for name in machine.symbols}, **terms.nominal}
-    if mechanics.recursion is None:
+    singular: tuple[Singularity, ...] = ()
+    if equations.accelerations is not None:
+        notes = (*machine.notes, *equations.notes)
+    elif mechanics.recursion is None:
         singular = singularities(machine, frame, mechanics.frame(None), nominal)
         count = ca.Function("rate", [x, u, p], [rate]).n_instructions()
         notes = coupling(mechanics, frame, form, count, equations.notes)
@@ -150,14 +166,18 @@ def _implicit(
 
 def _final(mechanics: Mechanics, equations: Equations, expression: ca.SX) -> ca.SX:
     """Return an expression of an effect in terms of the states of the form and the control."""
-    return ca.substitute(mechanics.resolved(expression), mechanics.machine.v, equations.v)
+    final = ca.substitute(mechanics.resolved(expression), mechanics.machine.v, equations.v)
+    if equations.accelerations is None:
+        return final
+    return ca.substitute(final, mechanics.control.expression, equations.accelerations.of_drives)
 
 
 def _rate(mechanics: Mechanics, equations: Equations) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Return x, u, p and dx/dt."""
     states, parameters = mechanics.terms.states.values(), mechanics.parameters
     x = ca.vertcat(mechanics.machine.q, equations.symbol, *(state.symbol for state in states))
-    u, p = mechanics.control.expression, ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
+    control = mechanics.control if equations.accelerations is None else equations.accelerations.control
+    u, p = control.expression, ca.vertcat(*parameters.values()) if parameters else ca.SX(0, 1)
     rates = [_final(mechanics, equations, state.rate) for state in states]
     return x, u, p, ca.cse(ca.densify(ca.vertcat(equations.v, equations.rate, *rates)))
 

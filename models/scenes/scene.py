@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from models.forms import canonical, hamel
+from models.forms import canonical, hamel, inverse
 from models.machines.frames import Frame
 from models.machines.manipulator import Manipulator
 from models.mechanics.terms import Effect, name_of
@@ -25,7 +25,7 @@ class Scene:
     Args:
         machine: such as spherical().
         effects: such as [Gravity(), Viscous(0.5)], in an order in which each finds what it reads.
-        form: canonical, hamel or lagrange.
+        form: canonical, hamel, inverse or lagrange.
         frame: name of a frame of the machine, or a Frame; None is "regular".
 
     Raises:
@@ -42,9 +42,11 @@ class Scene:
     def __post_init__(self) -> None:
         if not callable(self.form) or isinstance(self.form, type):
             shown = checks.shown(self.form)
-            raise TypeError(f"Scene: form is {shown}, expected canonical, hamel or lagrange")
+            raise TypeError(f"Scene: form is {shown}, expected canonical, hamel, inverse or lagrange")
         system = self.form(self.machine, self.effects, self.frame)
-        checks.instance("Scene: system of the form", system, System, "a System, as canonical, hamel or lagrange give")
+        checks.instance(
+            "Scene: system of the form", system, System, "a System, as canonical, hamel, inverse or lagrange give"
+        )
         object.__setattr__(self, "effects", tuple(self.effects))
         object.__setattr__(self, "system", system)
 
@@ -62,6 +64,8 @@ class Scene:
     @property
     def frame_name(self) -> str:
         """Name of the frame."""
+        if self.form is inverse:
+            return "coordinate"
         if self.frame is None and self.form is hamel and self.machine.recursion is not None:
             return "innovations"
         return self.frame.name if isinstance(self.frame, Frame) else self.frame or self.machine.default_frame

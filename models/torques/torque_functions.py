@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import casadi as ca
 
 from models.machines.manipulator import Manipulator
-from models.mechanics.mechanics import Mechanics, assemble
+from models.mechanics.mechanics import assemble
 from models.mechanics.terms import Effect
+from models.mechanics.torque_balance import clock, joint_torques, parameters
 from ocp import checks
 from ocp.checks import Array
 from ocp.system import System
@@ -134,40 +135,9 @@ def drive_dynamics(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.F
     return ca.Function("drive_dynamics", inputs, results, names, list(outputs))
 
 
-def joint_torques(mechanics: Mechanics, a: ca.SX) -> ca.SX:
-    """Return tau (n,) as an expression in q, v, the accelerations a (n,), parameters and the clock.
-
-    Raises:
-        ValueError: the force of an effect depends on a state other than the clock, or on the drives.
-    """
-    q, v = mechanics.machine.q, mechanics.machine.v
-    force = mechanics.applied
-    fixed = ca.vertcat(q, v, parameters(mechanics), clock(mechanics))
-    known = {symbol.element_hash() for symbol in ca.vertsplit(fixed)}
-    free = [str(symbol) for symbol in ca.symvar(force) if symbol.element_hash() not in known]
-    if free:
-        raise ValueError(
-            f"forces of effects depend on {', '.join(free)}, which q(t) alone does not fix; "
-            "solve for the torques in an optimal-control problem"
-        )
-    return mechanics.inverse_dynamics(a) - force
-
-
 def derivative(machine: Manipulator, name: str) -> ca.SX:
     """Return symbols (n,) of a time derivative of q."""
     return ca.vertcat(*(ca.SX.sym(f"{name}_{c.name}") for c in machine.coordinates))
-
-
-def parameters(mechanics: Mechanics) -> ca.SX:
-    """Return the parameters that stay symbols as a column, perhaps empty."""
-    symbols = mechanics.parameters
-    return ca.vertcat(*symbols.values()) if symbols else ca.SX(0, 1)
-
-
-def clock(mechanics: Mechanics) -> ca.SX:
-    """Return the symbol of the time, or nothing if no effect is a function of it."""
-    states = mechanics.terms.states
-    return states["time"].symbol if "time" in states else ca.SX(0, 1)
 
 
 def time_column(function: ca.Function, t: Array) -> tuple[Array, ...]:

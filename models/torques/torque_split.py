@@ -10,7 +10,8 @@ from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import Mechanics, assemble
 from models.mechanics.partials import inertial
 from models.mechanics.terms import Effect, Part
-from models.torques.torque_functions import clock, derivative, joint_torques, parameters
+from models.mechanics.torque_balance import clock, joint_torques, parameters
+from models.torques.torque_functions import derivative
 
 
 def split_torques(machine: Manipulator, effects: Sequence[Effect] = ()) -> ca.Function:

@@ -19,8 +19,25 @@ def scheme_for(problem: Problem) -> Scheme:
 
     Collocated controls leave their limits around a switch.
     """
-    bounded = np.all(np.isfinite(np.concatenate(problem.limits(Where.ALONG, problem.system.u))))
-    return radau(3, Control.CONSTANT if bounded and switching_controls(problem) else Control.COLLOCATED)
+    constant = _all_limited(problem) and switching_controls(problem)
+    return radau(3, Control.CONSTANT if constant else Control.COLLOCATED)
+
+
+def _all_limited(problem: Problem) -> bool:
+    """Return whether bounds, and limits on both sides of as many expressions as controls without, hold the controls."""
+    u = problem.system.u
+    free = np.flatnonzero(~np.all(np.isfinite(problem.limits(Where.ALONG, u)), axis=0))
+    if len(free) == 0:
+        return True
+    held = [
+        constraint.expression[c]
+        for constraint in problem.subject_to
+        if constraint.where is Where.ALONG
+        for c in range(constraint.expression.numel())
+        if np.isfinite([constraint.lower[c], constraint.upper[c]]).all() and constraint.lower[c] < constraint.upper[c]
+    ]
+    slopes = ca.jacobian_sparsity(ca.vertcat(*held), u[free.tolist()]) if held else ca.Sparsity(0, len(free))
+    return bool(ca.sprank(ca.SX(slopes)) == len(free)) if slopes.nnz() else False
 
 
 def switching_controls(problem: Problem) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Where, simple
 from ocp.problem.hamiltonian import Hamiltonian, hamiltonian_of
 from ocp.problem.problem import Problem
@@ -49,22 +51,22 @@ def minimise(solution: Solution, problem: Problem, tau: Array, costates: Array |
     _, x, _, u = solution.samples(tau)
     if costates is None:
         costates = np.einsum("sd,kda->ksa", solution.scheme.costate_at(tau), solution.costates)
-    p = solution.parameters
-    fixed = (x.T, np.tile(p[:, None], len(x)), costates.reshape(x.shape).T)
+    fixed = (x, solution.parameters, costates.reshape(x.shape))
     low, high = _box(problem, solution)
-    value, scale = (np.array(part)[0] for part in _values(problem, len(x))(u.T, *fixed))
-    limits = _mixed(problem)
+    values = _values(problem)
+    value, scale = (part[:, 0] for part in evaluate(values, u, *fixed))
     if u.shape[1] == 0:
         return Minimum(value, value, scale, u)
-    model = _model(problem, limits, len(x))
+    limits = _mixed(problem)
+    model = _model(problem, limits, fixed)
     if limits:
         lower, upper = (
             np.array([getattr(problem.subject_to[i], side)[c] for i, c in limits]) for side in ("lower", "upper")
         )
-        best = _interior(model, fixed, u, low, high, lower, upper)
+        best = _interior(model, u, low, high, lower, upper)
     else:
-        best = _newton(model, fixed, u, low, high)
-    return Minimum(value, np.array(model(best.T, *fixed)[0])[0], scale, best)
+        best = _newton(model, lambda controls: evaluate(values, controls, *fixed)[0][:, 0], u, low, high)
+    return Minimum(value, evaluate(values, best, *fixed)[0][:, 0], scale, best)
 
 
 def _mixed(problem: Problem) -> list[tuple[int, int]]:
@@ -93,33 +95,75 @@ def _symbols(problem: Problem) -> tuple[Hamiltonian, list[ca.SX]]:
     return H, [u, x, p, costate]
 
 
-def _values(problem: Problem, points: int) -> ca.Function:
+def _values(problem: Problem) -> ca.Function:
     H, arguments = _symbols(problem)
-    return ca.Function("values", arguments, [ca.densify(H.value), ca.densify(H.terms)]).map(points)
+    return ca.Function("values", arguments, [ca.densify(H.value), ca.densify(H.terms)])
 
 
-def _model(problem: Problem, limits: list[tuple[int, int]], points: int) -> ca.Function:
-    """Return (u, x, p, lambda) -> H, its gradient and Hessian in u, the limits, their gradients and Hessians."""
+@dataclass(frozen=True, eq=False)
+class _Local:
+    """Derivatives of the Hamiltonian and of m limits by the controls at K points, at controls `u`."""
+
+    u: Array  # (K, nu)
+    slope: Array  # (K, nu) of H
+    bend: Array  # (K, nu, nu) of H
+    held: Array  # (K, m) limited expressions
+    slopes: Array  # (K, m, nu) of these
+    bends: Array | None  # (K, m, nu, nu) of these; None where all are linear in the controls
+
+    def moved(self, u: Array) -> _Local:
+        """Return the same at other controls, for a quadratic H and linear limits."""
+        step = u - self.u
+        slope = self.slope + (self.bend @ step[..., None])[..., 0]
+        return _Local(u, slope, self.bend, self.held + (self.slopes @ step[..., None])[..., 0], self.slopes, None)
+
+
+Model = Callable[[Array], _Local]  # of controls (K, nu)
+
+
+def _model(problem: Problem, limits: list[tuple[int, int]], fixed: tuple[Array, ...]) -> Model:
+    """Return the derivatives by the controls at points with fixed (x, p, costates).
+
+    Where H is quadratic and the limits are linear in the controls, the functions are evaluated once.
+    """
     H, arguments = _symbols(problem)
-    u = problem.system.u
+    u, count, m = problem.system.u, len(fixed[0]), len(limits)
+    nu = u.numel()
     held = ca.vertcat(*(problem.subject_to[i].expression[c] for i, c in limits)) if limits else ca.SX(0, 1)
-    bends = [ca.vec(ca.densify(ca.hessian(held[k], u)[0])) for k in range(held.numel())]
-    outputs = [H.value, H.slope, ca.vec(ca.densify(H.curvature)), held, ca.vec(ca.densify(ca.jacobian(held, u).T))]
-    outputs.append(ca.horzcat(*bends) if bends else ca.SX(u.numel() ** 2, 0))
-    return ca.Function("model", arguments, ca.cse([ca.densify(o) for o in outputs])).map(points)
+    slopes = ca.jacobian(held, u)
+    linear = not ca.depends_on(slopes, u)
+    bends = [] if linear else [ca.vec(ca.densify(ca.hessian(held[k], u)[0])) for k in range(m)]
+    outputs = [H.slope, ca.vec(ca.densify(H.curvature)), held, ca.vec(ca.densify(slopes.T)), ca.horzcat(*bends)]
+    function = ca.Function("model", arguments, ca.cse([ca.densify(o) for o in outputs]))
+
+    def at(controls: Array) -> _Local:
+        slope, bend, g, first, second = evaluate(function, controls, *fixed)
+        curved = None if linear else second.reshape(count, m, nu, nu)
+        return _Local(controls, slope, bend.reshape(count, nu, nu), g, first.reshape(count, m, nu), curved)
+
+    if not linear or ca.depends_on(H.curvature, u):
+        return at
+    known: list[_Local] = []
+
+    def once(controls: Array) -> _Local:
+        if not known:
+            known.append(at(controls))
+        return known[0].moved(controls)
+
+    return once
 
 
-def _newton(model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, high: Array) -> Array:
+def _newton(model: Model, value_at: Callable[[Array], Array], u: Array, low: Array, high: Array) -> Array:
     """Return the controls (K, nu) that minimise H within their bounds, starting from those of the motion."""
-    (count, nu), best = u.shape, np.clip(u, low, np.maximum(low, high))
-    value = np.array(model(best.T, *fixed)[0])[0]
+    best = np.clip(u, low, np.maximum(low, high))
+    value = value_at(best)
     for _ in range(ROUNDS):
-        _, slope, curvature, *_ = (np.array(part) for part in model(best.T, *fixed))
-        step = _on_box(slope.T, curvature.T.reshape(count, nu, nu), best, low, high) - best
+        local = model(best)
+        step = _on_box(local.slope, local.bend, best, low, high) - best
         moved = False
         for shorter in (1.0, 0.25, 0.05):
             trial = best + shorter * step
-            there = np.array(model(trial.T, *fixed)[0])[0]
+            there = value_at(trial)
             better = there < value
             best, value = np.where(better[:, None], trial, best), np.where(better, there, value)
             step = np.where(better[:, None], 0.0, step)
@@ -155,49 +199,58 @@ def solved(matrices: Array, right: Array) -> Array:
         return result
 
 
-def _interior(
-    model: ca.Function, fixed: tuple[Array, ...], u: Array, low: Array, high: Array, lower: Array, upper: Array
-) -> Array:
+def _interior(model: Model, u: Array, low: Array, high: Array, lower: Array, upper: Array) -> Array:
     """Return the controls (K, nu) that minimise H within their bounds and lower <= g(x, u) <= upper."""
-    count, nu = u.shape
+    nu = u.shape[1]
     below, above = np.isfinite(lower), np.isfinite(upper)
     width = np.maximum(high - low, 1e-300)
-    eye = np.eye(nu)
+    ends = nu, 2 * nu, 2 * nu + int(above.sum())  # of the multipliers of high, low, upper
 
-    def limits(g: Array, v: Array) -> Array:  # all <= 0
+    def limits(g: Array, v: Array) -> Array:  # c (K, n), all <= 0
         return np.hstack([(v - high) / width, (low - v) / width, (g - upper)[:, above], (lower - g)[:, below]])
 
+    def changes(slopes: Array, step: Array) -> Array:  # A step, A = dc/dv
+        moved = (slopes @ step[..., None])[..., 0]
+        return np.hstack([step / width, -step / width, moved[:, above], -moved[:, below]])
+
+    def on_held(of_upper: Array, of_lower: Array) -> Array:  # (K, m)
+        held = np.zeros((len(of_upper), len(lower)))
+        held[:, above] += of_upper
+        held[:, below] += of_lower
+        return held
+
+    def pulled(slopes: Array, y: Array) -> Array:  # A' y
+        first, second, third, fourth = np.split(y, ends, axis=1)
+        return np.asarray((first - second) / width + (on_held(third, -fourth)[:, None] @ slopes)[:, 0])
+
+    def squared(slopes: Array, y: Array) -> Array:  # A' diag(y) A
+        first, second, third, fourth = np.split(y, ends, axis=1)
+        own = ((first + second + 1e-14) / width**2)[..., None] * np.eye(nu)
+        return np.asarray(slopes.transpose(0, 2, 1) @ (on_held(third, fourth)[..., None] * slopes) + own)
+
     v = np.clip(u, low + 0.05 * width, high - 0.05 * width)
-    evaluated = [np.array(part) for part in model(v.T, *fixed)]
-    scale = np.maximum(np.max(np.abs(evaluated[1].T * width), axis=1), 1e-300)  # of H at every point
-    c = limits(evaluated[3].T, v)
-    s, z = np.maximum(-c, 0.1), np.ones(c.shape)
+    local = model(v)
+    scale = np.maximum(np.max(np.abs(local.slope * width), axis=1), 1e-300)[:, None]  # of H at every point
+    s = np.maximum(-limits(local.held, v), 0.1)
+    z = np.ones(s.shape)
     for _ in range(BARRIER_ROUNDS):
-        _, slope, bend, g, jacobian, bends = (np.array(part) for part in model(v.T, *fixed))
-        m = len(lower)
-        a = jacobian.reshape(nu, m, count, order="F").transpose(2, 1, 0)
-        rows = [np.tile(eye / width, (count, 1, 1)), np.tile(-eye / width, (count, 1, 1)), a[:, above], -a[:, below]]
-        A = np.concatenate(rows, axis=1)
-        weight = np.zeros((count, m))
-        weight[:, above] += z[:, 2 * nu : 2 * nu + above.sum()]
-        weight[:, below] -= z[:, 2 * nu + above.sum() :]
-        H = bend.T.reshape(count, nu, nu) / scale[:, None, None]
-        H = H + np.einsum(
-            "kc,kcij->kij", weight, bends.reshape(nu * nu, count, m).transpose(1, 2, 0).reshape(count, m, nu, nu)
-        )
-        c = limits(g.T, v)
+        slopes = local.slopes
         gap = np.mean(s * z, axis=1)
         target = np.maximum(0.1 * gap, 1e-16)[:, None]
-        dual, primal = slope.T / scale[:, None] + np.einsum("kci,kc->ki", A, z), c + s
-        K = H + np.einsum("kci,kc,kcj->kij", A, z / s, A) + 1e-14 * np.diag(1.0 / width**2)
-        right = -(dual + np.einsum("kci,kc->ki", A, (target + z * primal) / s - z))
-        step = solved(K, right)
-        ds = -primal - np.einsum("kci,ki->kc", A, step)
+        primal = limits(local.held, v) + s
+        K = local.bend / scale[..., None] + squared(slopes, z / s)
+        if local.bends is not None:
+            weights = on_held(z[:, ends[1] : ends[2]], -z[:, ends[2] :])
+            K = K + (weights[:, None] @ local.bends.reshape(*weights.shape, nu * nu)).reshape(K.shape)
+        dual = local.slope / scale + pulled(slopes, z)
+        step = solved(K, -(dual + pulled(slopes, (target + z * primal) / s - z)))
+        ds = -primal - changes(slopes, step)
         dz = (target - z * ds) / s - z
         alpha = np.minimum(_step_length(s, ds), _step_length(z, dz))[:, None]
         v, s, z = v + alpha * step, s + alpha * ds, z + alpha * dz
         if np.all(gap < 1e-15):
             break
+        local = model(v)
     return np.asarray(v)
 
 

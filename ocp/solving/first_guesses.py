@@ -59,8 +59,9 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
 
     The states that are the most integrations away from the controls (usually positions) follow a quintic, or a septic
     for more than two integrations; the other states and the controls follow from x' = f(x, u) at each point. A free
-    duration is lengthened from a quarter of the guessed one until the controls satisfy their bounds; if that is far
-    too long, it is shortened first as long as all limits are satisfied.
+    duration is lengthened from a quarter of the guessed one until the controls satisfy their bounds (where no control
+    has any, until all limits along the motion are satisfied); if that is far too long, it is shortened first as long
+    as all limits are satisfied.
 
     Args:
         problem: the problem.
@@ -74,6 +75,7 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
     best: Guess | None = None
     longest = min(LONGEST, problem.horizon.upper) if isinstance(problem.horizon, Free) else LONGEST
     least, path, tried = np.inf, quintic(first, last, len(layers)), dict[float, Guess]()
+    use = _use_of(problem, p)
     if isinstance(problem.horizon, Free) and problem.minimise.time > 0.0 and np.isfinite(high - low).any():
         kept = _keeping(problem, p)
         for count in range(SHORTENINGS if np.any(first != last) else 0):
@@ -81,14 +83,14 @@ def smooth(problem: Problem, values: Several[float]) -> Guess:
             tried[duration] = trial
             if not (kept(trial) and _is_motion(problem, trial, p)):
                 # The loop below lengthens the motion by the factor that the controls need.
-                duration *= 1.0 / SHORTER if count and _use(trial.u, low, high) <= 1.0 else 1.0
+                duration *= 1.0 / SHORTER if count and use(trial) <= 1.0 else 1.0
                 break
             if SHORTER * duration < problem.horizon.lower:
                 break
             duration *= SHORTER
     for _ in range(STRETCHES if isinstance(problem.horizon, Free) else 1):
         guess = tried.get(duration) or follow(problem, path, duration, layers, p)
-        used = _use(guess.u, low, high)
+        used = use(guess)
         if used < least:
             best, least = guess, used
         if used <= 1.0:
@@ -178,8 +180,22 @@ def _room(problem: Problem, path: Array, state: int) -> float:
     return own + (1.0 if units[state] in ("rad", "") else max(same))
 
 
+def _use_of(problem: Problem, p: Array) -> Callable[[Guess], float]:
+    """Return the function that finds how far a guess uses the limits of the controls, of everything if they have none.
+
+    Accelerations as controls have no bounds: expressions of them do, and their integrals.
+    """
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    along = components_along(problem)
+    if len(along) == 0 or np.isfinite(low).any() or np.isfinite(high).any() or not len(low):
+        return lambda guess: _use(guess.u, low, high)
+    sides = (np.concatenate([getattr(c, side) for c in problem.subject_to])[along] for side in ("lower", "upper"))
+    least, most = sides
+    return lambda guess: _use(evaluate(point_values(problem), guess.x, guess.u, p)[1][:, along], least, most)
+
+
 def _use(u: Array, low: Array, high: Array) -> float:
-    """Return the largest share of its range that a control uses, 1 for a control at its limit."""
+    """Return the largest share of its range that a column uses, 1 for one at its limit."""
     both = np.isfinite(low) & np.isfinite(high) & (high > low)
     if not both.any() or not np.all(np.isfinite(u)):
         return 0.0 if np.all(np.isfinite(u)) else np.inf
