@@ -108,6 +108,24 @@ def continued(q: Array, angular: Array, near: Array | None) -> Array:
     return filled
 
 
+def whole_turns(
+    least: Array, most: Array, angular: Array, limits: tuple[Array, Array], slack: float | Array = 1e-9
+) -> Array | None:
+    """Return the fewest full turns (n,) [rad] that bring ranges of coordinates within limits; None if none do.
+
+    Args:
+        least, most: (n,) ends of the ranges [rad or m].
+        angular: (n,) whether a coordinate is an angle; the others stay.
+        limits: lower and upper (n,).
+        slack: by which limits may be exceeded, a number or (n,).
+    """
+    low = np.ceil((limits[0] - slack - least) / (2.0 * np.pi))
+    high = np.floor((limits[1] + slack - most) / (2.0 * np.pi))
+    turns = np.where(angular, 2.0 * np.pi * np.clip(0.0, low, np.maximum(low, high)), 0.0)
+    inside = (least + turns >= limits[0] - slack) & (most + turns <= limits[1] + slack)
+    return np.asarray(turns) if np.all(inside) else None
+
+
 def _step(now: Array, before: Array, angular: Array) -> Array:
     """Return the smallest differences (m, m', n); 0 for a free coordinate."""
     step = now[:, None] - before[None]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
+from models.machines.inverse_kinematics import whole_turns
 from models.machines.manipulator import Manipulator
 from models.motions.coordinate_labels import labels_of
 from models.motions.latest_derivatives import remembered
@@ -16,7 +17,8 @@ from models.motions.motion import Motion
 from models.motions.timing_laws import Composed
 from models.motions.tool_branches import Choice
 from models.motions.tool_paths import ToolPath
-from models.rigid_bodies.tool_poses import axis_angle, inverse_kinematics, rotation_matrix
+from models.rigid_bodies.orientations import axis_angle, rotation_matrix
+from models.rigid_bodies.tool_poses import inverse_kinematics
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 
@@ -126,14 +128,15 @@ def arm_curve(
         ValueError: the start cannot be reached, or no solution follows the path within the limits.
     """
     start, axes = tool.path(np.zeros(1), 0)[0], None if turn is None else turn.first
-    begins = inverse_kinematics(machine, start, axes, near=near)
-    begins = np.array([q for q in begins if np.all((q >= limits[0] - 1e-9) & (q <= limits[1] + 1e-9))])
-    if not len(begins):
+    angular = np.array([coordinate.unit == "rad" for coordinate in machine.coordinates])
+    found = inverse_kinematics(machine, start, axes, near=near)
+    begins = [q + turns for q in found if (turns := whole_turns(q, q, angular, limits)) is not None]
+    if not begins:
         raise ValueError(f"{_at(start)} at the start cannot be reached within the limits")
     place, terms = tool_functions(machine, turn is not None)
     best, reason = -1.0, ""
     for number, begin in enumerate(begins[:STARTS], 1):
-        nodes, q, why = _followed(place, tool, turn, begin, length, limits)
+        nodes, q, why = _followed(place, tool, turn, begin, length, angular, limits)
         if not why:
             slopes = np.array([_slope(place, tool, turn, s, one) for s, one in zip(nodes, q, strict=True)])
             return ArmCurve(tool, turn, nodes, q, slopes, place, terms), number, len(begins)
@@ -173,14 +176,17 @@ def hermite(nodes: Array, values: Array, slopes: Array, s: Array) -> Array:
 
 
 def _followed(
-    place: ca.Function, tool: Composed, turn: Turn | None, begin: Array, length: float, limits: tuple[Array, Array]
-) -> tuple[Array, Array, str]:
+    place: ca.Function, tool: Composed, turn: Turn | None, begin: Array, length: float, angular: Array,
+    limits: tuple[Array, Array],
+) -> tuple[Array, Array, str]:  # fmt: skip
     """Return lengths and positions (G, n) as far as the arm follows the path, and why no farther.
+
+    The positions are as many full turns from `begin` as the limits need.
 
     Steps of Runge and Kutta of order 4 along dq/ds = J^+ dx/ds, each settled on the path, halved where joints move far.
     """
     nodes, path, longest = [0.0], [begin], length / STEPS
-    h = longest
+    h, turns, least, most = longest, np.zeros(len(begin)), begin, begin
     while nodes[-1] < length:
         s, q = nodes[-1], path[-1]
         after = length if s + 1.01 * h >= length else s + h
@@ -191,14 +197,16 @@ def _followed(
         if moved is None or np.max(np.abs(moved - q)) > LONG:
             h /= 2.0
             if h < SHORTEST * length:
-                return np.array(nodes), np.array(path), "the arm is singular there, or out of reach"
+                return np.array(nodes), np.array(path) + turns, "the arm is singular there, or out of reach"
             continue
-        if np.any((moved < limits[0] - 1e-9) | (moved > limits[1] + 1e-9)):
-            return np.array(nodes), np.array(path), "a joint would leave its limits there"
+        least, most = np.minimum(least, moved), np.maximum(most, moved)
+        needed = whole_turns(least, most, angular, limits)
+        if needed is None:
+            return np.array(nodes), np.array(path) + turns, "a joint would leave its limits there"
         nodes.append(after)
         path.append(moved)
-        h = min(2.0 * h, longest)
-    return np.array(nodes), np.array(path), ""
+        turns, h = needed, min(2.0 * h, longest)
+    return np.array(nodes), np.array(path) + turns, ""
 
 
 def _step(

@@ -7,7 +7,7 @@ import numpy as np
 
 from models.machines.body_metrics import angular_velocity
 from models.machines.manipulator import Manipulator
-from models.rigid_bodies.tool_poses import axis_angle
+from models.rigid_bodies.orientations import axis_angle
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
 
