@@ -199,3 +199,10 @@ def values_of(name: str, values: object, sizes: tuple[int, ...], unit: str) -> l
     if not isinstance(values, list | tuple | np.ndarray) or len(values) not in sizes:
         raise checks.refused(name, values, wanted)
     return [nominal(f"{name}_{i + 1}", value, unit) for i, value in enumerate(values)]
+
+
+def about_axis(axis: Array, angle: float) -> Array:
+    """Return the rotation about an axis by an angle [rad]."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

@@ -10,13 +10,12 @@ import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.rigid_bodies.assembly import assemble_tree
-from models.rigid_bodies.joint import Joint, Kind
+from models.rigid_bodies.joint import Joint, Kind, about_axis
 from models.rigid_bodies.tree_manipulator import manipulator
 from models.rigid_bodies.urdf_links import urdf_link
 from models.rigid_bodies.urdf_values import UrdfValues
 from models.rigid_bodies.xml_document import Element, XmlError, read_xml
 from ocp import checks
-from ocp.checks import Array
 
 KINDS = {"revolute": Kind.REVOLUTE, "continuous": Kind.REVOLUTE, "prismatic": Kind.PRISMATIC, "fixed": Kind.FIXED}
 
@@ -92,7 +91,7 @@ class _Robot:
             listed = ", ".join(roots[:5]) or "none, so that the joints form a loop"
             raise self.values.error(self.root, f"expected one link without a parent, there are {len(roots)} ({listed})")
         self._check_connected(roots[0], elements, links)
-        names = [joint.attributes["name"] for joint in elements]
+        names = [self._name(joint) for joint in elements]
         for name in lock:
             if name not in names:
                 raise ValueError(f"{self.path}: lock: there is no joint {name!r}; there are {', '.join(names)}")
@@ -101,8 +100,8 @@ class _Robot:
         if tip is None:
             parents = {self._end(joint, "parent") for joint in elements}
             leaf = [joint for joint in elements if self._end(joint, "child") not in parents][-1]
-            return self._sorted(result, elements), leaf.attributes["name"]
-        return self._sorted(result, elements), by_child[tip].attributes["name"]
+            return self._sorted(result, elements), self._name(leaf)
+        return self._sorted(result, elements), self._name(by_child[tip])
 
     def _sorted(self, joints: Sequence[Joint], elements: Sequence[Element]) -> list[Joint]:
         """Return the joints depth first, in the order of the file."""
@@ -139,9 +138,6 @@ class _Robot:
                 raise self.values.error(joint, f"a second joint is called {name!r}; rename one of them")
             names.add(name)
             for side in ("parent", "child"):
-                if (count := len(list(joint.all(side)))) > 1:
-                    said = f"joint {joint.attributes.get('name', '')!r}"
-                    raise self.values.error(joint, f"{said}: has {count} <{side}>, expected one")
                 if self._end(joint, side) not in links:
                     raise self.values.error(joint, f"joint {name!r}: its {side} {self._end(joint, side)!r} is no link")
             child = self._end(joint, "child")
@@ -170,7 +166,7 @@ class _Robot:
         path: set[str] = set()
         at = tip
         while at in by_child:
-            path.add(by_child[at].attributes["name"])
+            path.add(self._name(by_child[at]))
             at = self._end(by_child[at], "parent")
         return path
 
@@ -183,10 +179,12 @@ class _Robot:
         kept: set[str] | None,
         elements: Sequence[Element],
     ) -> Joint:
-        name = element.attributes["name"]
+        name = self._name(element)
         kind = self.values.text(element, "type")
-        mimic = element.first("mimic")
+        mimic = self.values.one(element, "mimic")
         fixed_at = lock.get(name)
+        if fixed_at is not None and kind == "fixed":
+            raise ValueError(f"{self.path}: lock: joint {name!r} is fixed by the file and has no coordinate")
         if fixed_at is None and kept is not None and name not in kept and kind != "fixed":
             fixed_at = self._mimicked(mimic, lock) if mimic is not None else 0.0
             self.values.notes.append(f"joint {name!r} is not on the way to the tip and stays at {fixed_at:g}")
@@ -204,12 +202,13 @@ class _Robot:
         rotation, origin = self.values.origin(element, f"joint {name!r}")
         axis = self._axis(element, name) if kind != "fixed" else (1.0, 0.0, 0.0)
         link = urdf_link(links[self._end(element, "child")], self.values)
-        common = {"parent": "" if parent is None else parent.attributes["name"], "link": link}
+        common = {"parent": "" if parent is None else self._name(parent), "link": link}
         if kind in ("floating", "planar"):
             kind, fixed_at = "fixed", None
         if fixed_at is not None and kind != "fixed":
+            self._note_outside(element, name, fixed_at)
             if KINDS[kind] is Kind.REVOLUTE:
-                rotation = rotation @ _about(np.array(axis), fixed_at)
+                rotation = rotation @ about_axis(np.array(axis), fixed_at)
             else:
                 origin = origin + rotation @ np.array(axis) / np.linalg.norm(axis) * fixed_at
             kind = "fixed"
@@ -220,10 +219,19 @@ class _Robot:
             **common, **self._limits(element, name, kind),  # type: ignore[arg-type]
         )  # fmt: skip
 
+    def _note_outside(self, element: Element, name: str, at: float) -> None:
+        limit, continuous = self.values.one(element, "limit"), element.attributes["type"].strip() == "continuous"
+        if limit is not None and not continuous and {"lower", "upper"} <= set(limit.attributes):
+            low, high = (self.values.number(limit, side, f"joint {name!r}") for side in ("lower", "upper"))
+            if low < high and not low - 1e-9 <= at <= high + 1e-9:
+                self.values.notes.append(f"joint {name!r} is fixed at {at:g}, outside its range {low:g} to {high:g}")
+
     def _about_mimics(self, elements: Sequence[Element], lock: Mapping[str, float]) -> str:
-        mimics = [e.attributes["name"] for e in elements if e.first("mimic") and e.attributes["name"] not in lock]
+        mimics = [self._name(e) for e in elements if self.values.one(e, "mimic") and self._name(e) not in lock]
         locks = ", ".join(f"{name!r}: 0.0" for name in mimics)
-        return f"{', '.join(mimics)} mimic other joints; fix them with lock={{{locks}}}, or choose a tip before them"
+        listed = f"{mimics[0]} mimics another joint" if len(mimics) == 1 else f"{', '.join(mimics)} mimic other joints"
+        what = "it" if len(mimics) == 1 else "them"
+        return f"{listed}; fix {what} with lock={{{locks}}}, or choose a tip before {what}"
 
     def _mimicked(self, mimic: Element, lock: Mapping[str, float]) -> float:
         multiplier = self.values.number(mimic, "multiplier", "mimic", 1.0)
@@ -232,7 +240,11 @@ class _Robot:
         )
 
     def _limits(self, element: Element, name: str, kind: str) -> dict[str, float | None]:
-        said, limit, dynamics = f"joint {name!r}", element.first("limit"), element.first("dynamics")
+        said, limit, dynamics = (
+            f"joint {name!r}",
+            self.values.one(element, "limit"),
+            self.values.one(element, "dynamics"),
+        )
         result: dict[str, float | None] = {}
         if limit is not None:
             ends = [
@@ -266,21 +278,17 @@ class _Robot:
         return result
 
     def _axis(self, element: Element, name: str) -> tuple[float, float, float]:
-        axis = element.first("axis")
+        axis = self.values.one(element, "axis")
         x, y, z = [1.0, 0.0, 0.0] if axis is None else self.values.three(axis, "xyz", f"joint {name!r}", "1 0 0")
         if not x * x + y * y + z * z > 1e-18:
             raise self.values.error(axis or element, f"joint {name!r}: its axis is zero, expected a direction")
         return x, y, z
 
+    def _name(self, joint: Element) -> str:
+        return self.values.text(joint, "name")
+
     def _end(self, joint: Element, side: str) -> str:
-        end = joint.first(side)
+        end = self.values.one(joint, side)
         if end is None:
             raise self.values.error(joint, f"joint {joint.attributes.get('name', '')!r}: has no <{side}>")
         return self.values.text(end, "link")
-
-
-def _about(axis: Array, angle: float) -> Array:
-    """Return the rotation about an axis by an angle [rad]."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)

@@ -48,13 +48,13 @@ def urdf_link(element: Element, values: UrdfValues) -> Link:
     Raises:
         XmlError: a number that is missing or impossible.
     """
-    name = element.attributes["name"]
-    said, inertial = f"link {name!r}", element.first("inertial")
+    name = values.text(element, "name")
+    said, inertial = f"link {name!r}", values.one(element, "inertial")
     shapes = tuple(_capsules(element, said, values))
     if inertial is None:
         return Link(capsules=shapes)
-    mass = inertial.first("mass")
-    tensor = inertial.first("inertia")
+    mass = values.one(inertial, "mass")
+    tensor = values.one(inertial, "inertia")
     if mass is None or tensor is None:
         lacks = "<mass>" if mass is None else "<inertia>"
         raise values.error(inertial, f"{said}: its <inertial> has no {lacks}")
@@ -65,6 +65,8 @@ def urdf_link(element: Element, values: UrdfValues) -> Link:
         values.number(tensor, key, said, 0.0 if key in ("ixy", "ixz", "iyz") else None)
         for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     )
+    if value > 0.0:
+        values.far(float(np.sqrt(max(xx, yy, zz, 0.0) / value)), f"{said}: its radius of gyration is large")
     rotation, centre = values.origin(inertial, said)
     turned = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
     order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -74,12 +76,12 @@ def urdf_link(element: Element, values: UrdfValues) -> Link:
 def _capsules(link: Element, said: str, values: UrdfValues) -> Iterator[Capsule]:
     for collision in link.all("collision"):
         rotation, origin = values.origin(collision, said)
-        geometry = collision.first("geometry")
+        geometry = values.one(collision, "geometry")
         if geometry is None or not geometry.children:
             continue
         shape = geometry.children[0]
         if shape.tag == "mesh":
-            values.meshes.append(link.attributes["name"])
+            values.meshes.append(values.text(link, "name"))
             continue
         sizes = _shape(shape, said, values)
         if sizes is not None:

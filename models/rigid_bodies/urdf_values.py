@@ -12,6 +12,7 @@ from models.rigid_bodies.xml_document import Element, XmlError
 from ocp.checks import Array
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+FAR = 30.0  # a longer distance within a robot is noted [m]
 DECIMALS = 5e-6  # an angle this close to a multiple of pi/12 is its decimal in a file [rad]
 
 
@@ -39,12 +40,26 @@ class UrdfValues:
             result.append(f"collision meshes are not read: {', '.join(self.meshes)}")
         return tuple(result)
 
+    def one(self, element: Element, tag: str) -> Element | None:
+        """Return the only child with a tag, None if there is none."""
+        children = list(element.all(tag))
+        if len(children) > 1:
+            said = f"{element.tag} {name!r}" if (name := element.attributes.get("name")) else f"<{element.tag}>"
+            raise self.error(children[1], f"{said}: has {len(children)} <{tag}>, expected one")
+        return children[0] if children else None
+
+    def far(self, size: float, said: str) -> None:
+        """Note a length that no robot has, most likely one in millimetres."""
+        if size > FAR and not any("metres" in note for note in self.notes):
+            self.notes.append(f"{said}: {size:.4g} m; lengths of a URDF file are metres")
+
     def origin(self, element: Element, said: str) -> tuple[Array, Array]:
         """Return the rotation (3, 3) and the position (3,) of the <origin> of an element."""
-        origin = element.first("origin")
+        origin = self.one(element, "origin")
         if origin is None:
             return np.eye(3), np.zeros(3)
         position = self.three(origin, "xyz", said, "0 0 0")
+        self.far(float(np.linalg.norm(position)), f"{said}: its origin is far away")
         angles = self.three(origin, "rpy", said, "0 0 0")
         if self.exact_angles:
             angles = [self.snapped_angle(angle) for angle in angles]

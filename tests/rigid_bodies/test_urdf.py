@@ -10,6 +10,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from rigid_bodies.urdf_texts import AXIS_Y, GOOD, INERTIAL, joint, robot
 
 from models import Kind, Link, from_urdf, inverse_dynamics
 from models.effects import Gravity, joint_friction
@@ -17,24 +18,6 @@ from models.forms import canonical
 from models.rigid_bodies.joint import Joint
 
 VECTORS = json.loads((Path(__file__).parent / "data" / "chain_vectors.json").read_text())["robots"]
-INERTIAL = '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
-LIMIT = '<limit lower="-1" upper="2" velocity="3" effort="10"/>'
-
-
-def joint(name, parent, child, more="", kind="revolute", inside=LIMIT):
-    ends = f'<parent link="{parent}"/><child link="{child}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}{inside}{more}</joint>'
-
-
-def robot(*parts, links=("base", "a", "b"), name="r"):
-    made = "".join(
-        f'<link name="{link}">{INERTIAL}</link>' if link != "base" else '<link name="base"/>' for link in links
-    )
-    return f'<?xml version="1.0"?><robot name="{name}">{made}{"".join(parts)}</robot>'
-
-
-AXIS_Y = '<axis xyz="0 1 0"/>'
-GOOD = robot(joint("q1", "base", "a"), joint("q2", "a", "b", AXIS_Y + '<origin xyz="0 0 0.5"/>'))
 
 
 @pytest.fixture
@@ -131,7 +114,7 @@ def test_side_branches_locks_and_mimics(file):
     assert [c.name for c in arm.coordinates] == ["q1", "q2"]
     assert sum("f1" in note or "f2" in note for note in arm.notes) == 2
     assert float(arm.bodies[-1].mass) == 6.0  # fingers ride along
-    with pytest.raises(ValueError, match=r"f2 mimic other joints; fix them with lock=\{'f2': 0\.0\}"):
+    with pytest.raises(ValueError, match=r"f2 mimics another joint; fix it with lock=\{'f2': 0\.0\}"):
         from_urdf(file(text))
     moved = from_urdf(file(text), lock={"f2": 0.1})
     assert [c.name for c in moved.coordinates] == ["q1", "q2", "f1"]
@@ -199,6 +182,12 @@ BROKEN = {
     "its own child": (GOOD.replace('<child link="b"/>', '<child link="a"/>'), "link 'a' hangs on two joints"),
     "two parents": (GOOD.replace('<parent link="a"/>', '<parent link="a"/><parent link="base"/>'),
                     "joint 'q2': has 2 <parent>, expected one"),
+    "two origins": (GOOD.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 0.5"/>'),
+                    "joint 'q2': has 2 <origin>, expected one"),
+    "two axes": (GOOD.replace(AXIS_Y, AXIS_Y + '<axis xyz="1 0 0"/>'), "has 2 <axis>, expected one"),
+    "two limits": (GOOD.replace("<limit", '<limit lower="-3" upper="3"/><limit', 1), "joint 'q1': has 2 <limit>"),
+    "two masses": (GOOD.replace('<mass value="2"/>', '<mass value="2"/><mass value="3"/>', 1), "has 2 <mass>"),
+    "two inertials": (GOOD.replace(INERTIAL, 2 * INERTIAL, 1), "has 2 <inertial>, expected one"),
     "nothing moves": (GOOD.replace("revolute", "fixed"), "none of them moves"),
 }  # fmt: skip
 
@@ -222,6 +211,7 @@ def test_a_broken_file_gets_one_sentence(name, file):
         ({"tip": "base"}, "tip: 'base' is the base"),
         ({"lock": {"q7": 0.0}}, "lock: there is no joint 'q7'"),
         ({"lock": {"q1": float("nan")}}, "lock: q1"),
+        ({"lock": {"q2": None}}, "lock: q2"),
     ],
 )
 def test_wrong_arguments(arguments, words, file):
