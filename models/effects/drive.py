@@ -13,6 +13,7 @@ from models.machines.manipulator import Manipulator
 from models.mechanics.contributions import ROTOR, Contribution, Sizes, SolvedMotion, values_of
 from models.mechanics.linear_response import lag_error, oscillator_error
 from models.mechanics.terms import Effect, Quantity, Rate, Source, State, Terms, Transmission
+from ocp.checks import Array
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,8 @@ class ElasticDrive:
     """Joints that yield between motor and link, J theta'' = tau_motor - tau, tau = k (theta - q) + d (theta' - v).
 
     theta is the position of the motor in units of its joint, J = N^2 J_rotor the rotor inertia reflected to it. The
-    rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, which it replaces.
+    rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, which it replaces. A rotor
+    that an elastic joint has itself, such as those of robots.puma560(), leaves the metric: it sits behind the spring.
 
     Adds two states for each elastic joint, `motor_q_<coordinate>` and `motor_v_<coordinate>`, and makes the control the
     torque of the motors, the signal "motor_tau"; "motor_q" and "motor_v" are signals, "tau" is the force on the joint,
@@ -84,7 +86,7 @@ class ElasticDrive:
 
     Args:
         stiffness: k > 0, one for all joints or one for each (None: rigid) [N m/rad or N/m].
-        inertia: J > 0 of the motor, reflected to its joint [kg m^2 or kg].
+        inertia: J > 0 of the motor, reflected to its joint; None for the rotor that the joint has [kg m^2 or kg].
         damping: d >= 0 [N m s/rad or N s/m].
 
     Raises:
@@ -94,7 +96,7 @@ class ElasticDrive:
     """
 
     stiffness: Some = quantity("N m/rad or N/m", above=0.0)
-    inertia: Some = quantity("kg m^2 or kg", above=0.0)
+    inertia: Some | None = quantity("kg m^2 or kg", None, above=0.0)
     damping: Some = quantity("N m s/rad or N s/m", 0.0, at_least=0.0)
 
     def __post_init__(self) -> None:
@@ -109,7 +111,9 @@ class ElasticDrive:
     def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
         """Return the torque that oscillates in the joints: rotor and spring as an undamped oscillator sqrt(k / J)."""
         machine = sizes.machine
-        frequencies = np.sqrt(values_of(self, "stiffness", machine) / values_of(self, "inertia", machine))
+        given = values_of(self, "inertia", machine)
+        inertia = np.where(np.isnan(given), _rotors_of(machine), given)
+        frequencies = np.sqrt(values_of(self, "stiffness", machine) / inertia)
         error = oscillator_error(motion.t, motion.tau, frequencies)
         return Contribution(error, note="torque that oscillates in the joints")
 
@@ -118,13 +122,16 @@ class ElasticDrive:
         fields, n = read_fields(self), machine.q.numel()
         k, inertia, damping = (fields.each(name, machine) for name in ("stiffness", "inertia", "damping"))
         elastic = [i for i in range(n) if k[i] is not None]
+        own, turning = machine.rotors or (0.0,) * n, machine.spins or (0.0,) * n
+        inertia = tuple(own[i] if inertia[i] is None and i in elastic else inertia[i] for i in range(n))
         for i in elastic:
-            if inertia[i] is None:
+            if isinstance(inertia[i], float) and inertia[i] == 0.0:
                 raise ValueError(
-                    f"elastic_drive.inertia_{i + 1}: got None for a joint with a stiffness, expected kg m^2"
+                    f"elastic_drive.inertia_{i + 1}: got None for a joint with a stiffness and without a rotor of its "
+                    "own, expected kg m^2"
                 )
         motor_tau, motor_q, motor_v = _column(machine, "motor_tau"), ca.SX(machine.q), ca.SX(machine.v)
-        torque, metric = ca.SX(motor_tau), ca.SX(n, n)
+        torque, metric, spins = ca.SX(motor_tau), ca.SX(n, n), ca.SX(n, 1)
         states: dict[str, State] = {}
         energy = dissipation = ca.SX(0)
         for i in range(n):
@@ -132,6 +139,10 @@ class ElasticDrive:
                 if inertia[i] is not None:
                     metric[i, i] = inertia[i]  # a rigid joint turns its rotor
                 continue
+            if _is_there(own[i]):
+                metric[i, i] = -own[i]
+            if _is_there(turning[i]):
+                spins[i] = -turning[i]
             name, unit = machine.coordinates[i].name, machine.coordinates[i].unit
             theta, speed = ca.SX.sym(f"motor_q_{name}"), ca.SX.sym(f"motor_v_{name}")
             twist, slip, d = theta - machine.q[i], speed - machine.v[i], 0.0 if damping[i] is None else damping[i]
@@ -157,7 +168,8 @@ class ElasticDrive:
             return q, v, needed
 
         return Terms(
-            metric=ca.sparsify(metric) if metric.nnz() else None, states=states, energy=energy, dissipation=dissipation,
+            metric=ca.sparsify(metric) if metric.nnz() else None, spins=spins if spins.nnz() else None,
+            states=states, energy=energy, dissipation=dissipation,
             transmission=Transmission(motor_tau, motor_q, motor_v, torque, invert),
             symbols=fields.symbols, nominal=fields.nominal,
             defines={"transmission": fields.prefix, "rotors": fields.prefix},
@@ -166,3 +178,16 @@ class ElasticDrive:
 
 def _column(machine: Manipulator, prefix: str) -> ca.SX:
     return ca.vertcat(*(ca.SX.sym(name) for name in names_of(machine, prefix)))
+
+
+def _is_there(entry: ca.SX | float) -> bool:
+    return isinstance(entry, ca.SX) or entry != 0.0
+
+
+def _rotors_of(machine: Manipulator) -> Array:
+    """Return the reflected inertia (n,) of the rotors that the joints have, NaN for those without."""
+    symbols = ca.vertcat(*machine.symbols.values()) if machine.symbols else ca.SX(0, 1)
+    rotors = ca.vertcat(*map(ca.SX, machine.rotors or (0.0,) * len(machine.coordinates)))
+    values = ca.Function("rotors", [symbols], [rotors])([machine.nominal[name] for name in machine.symbols])
+    numbers = values.full().ravel()
+    return np.where(numbers > 0.0, numbers, np.nan)

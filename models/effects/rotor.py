@@ -22,7 +22,8 @@ class RotorInertia:
 
     Reflected to the joints that is the metric (N C)' J (N C): diag(N_k^2 J_k) without coupling. Unless they are
     `carried`, the rotation of the rotors with the links that carry them is neglected, which is right to 1 / N; their
-    mass, and their inertia while they do not turn, belong to the links.
+    mass, and their inertia while they do not turn, belong to the links. Rotors that joints of an arm have themselves,
+    such as those of robots.puma560(), are in its metric already; these come on top of them.
 
     Adds a metric; no states, no controls, the parameters `rotor_inertia.inertia`, `rotor_inertia.ratio`
     (`..._1` ...) if they are Parameters.

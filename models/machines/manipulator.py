@@ -76,6 +76,8 @@ class Manipulator:
     friction: tuple[float, ...] = ()  # dry friction that it states [N m or N]
     shapes: tuple[Shape, ...] = ()  # capsules for collisions
     notes: tuple[str, ...] = ()  # sentences about how the machine was read
+    rotors: tuple[ca.SX | float, ...] = ()  # (n,) N^2 J of rotors that are part of the metric [kg m^2 or kg]
+    spins: tuple[ca.SX | float, ...] = ()  # (n,) N J of those that turn with the link before, part of it too
 
     def __repr__(self) -> str:
         coordinates = ", ".join(f"{c.name} [{c.unit}]" for c in self.coordinates)

@@ -51,8 +51,10 @@ def puma560() -> Manipulator:
 
     Source: P. I. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for the PUMA 560
         robot, ICRA 1994 (links, rotors, gears, friction); B. Armstrong, O. Khatib, J. Burdick, The explicit dynamic
-        model and inertial parameters of the PUMA 560 arm, ICRA 1986 (largest torques). Friction is the mean of both
-        directions, reflected to the joints; no speed limits are published there.
+        model and inertial parameters of the PUMA 560 arm, ICRA 1986 (largest torques); ranges of the joints as in the
+        Robotics Toolbox for Python of P. Corke (models.DH.Puma560; its version for MATLAB has -45 to 225, -225 to 45
+        and -110 to 170 degrees for joints 2 to 4, after Wang and Chen, IEEE Trans. Robotics and Automation 7 (1991)).
+        Friction is the mean of both directions, reflected to the joints; no speed limits are published there.
     """
     links = (
         Link(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.35)),
@@ -91,6 +93,9 @@ def puma560() -> Manipulator:
 def ur5() -> Manipulator:
     """Return the Universal Robots UR5; the tool is its flange.
 
+    The file gives the wrists the moments of cylinders of 0.6 m radius, ten times that of the bodies (0.11 and
+    0.22 kg m^2 for 1.2 kg). They are kept, as other programs have them too; the wrists of a real arm are lighter.
+
     Source: the package ur_description of ROS-Industrial, file ur5_robot.urdf, with the dimensions of the manufacturer;
         capsules as `universal_shapes` says.
     """
@@ -113,6 +118,9 @@ def ur5() -> Manipulator:
 
 def ur10() -> Manipulator:
     """Return the Universal Robots UR10; the tool is its flange.
+
+    The numbers are those of the first releases of the file, with the mass centres of the wrists at the origins of their
+    joints; later ones move these by 0.115 m and that of the upper arm by 0.045 m.
 
     Source: the package ur_description of ROS-Industrial, file ur10_robot.urdf, with the dimensions of the
         manufacturer.

@@ -15,7 +15,7 @@ from models.rigid_bodies.assembly import Assembly
 from models.rigid_bodies.joint import Joint, Kind
 from models.rigid_bodies.placements import Placements
 from models.rigid_bodies.recursions import Recursions
-from models.rigid_bodies.scalars import column, matrix_of
+from models.rigid_bodies.scalars import column, is_zero, matrix_of
 from models.rigid_bodies.tree_recursion import TreeRecursion
 
 
@@ -65,7 +65,13 @@ def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Man
         friction=tuple(joint.friction for joint in joints),
         shapes=_shapes(assembly, posed),
         notes=(*notes, *assembly.notes),
+        rotors=_unless_zero([joint.rotor for joint in assembly.tree.joints]),
+        spins=_unless_zero([joint.spin for joint in assembly.tree.joints]),
     )
+
+
+def _unless_zero(entries: Sequence[ca.SX | float]) -> tuple[ca.SX | float, ...]:
+    return () if all(is_zero(entry) for entry in entries) else tuple(entries)
 
 
 def _limits(joints: Sequence[Joint]) -> dict[str, tuple[Ends, Ends]]:
