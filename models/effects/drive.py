@@ -77,7 +77,8 @@ class ElasticDrive:
 
     theta is the position of the motor in units of its joint, J = N^2 J_rotor the rotor inertia reflected to it. The
     rotation of the rotors with the links that carry them is neglected, as in `RotorInertia`, which it replaces. A rotor
-    that an elastic joint has itself, such as those of robots.puma560(), leaves the metric: it sits behind the spring.
+    that an elastic joint has itself, such as those of robots.puma560(), leaves the metric and sits behind the spring;
+    an inertia of None takes it as it is.
 
     Adds two states for each elastic joint, `motor_q_<coordinate>` and `motor_v_<coordinate>`, and makes the control the
     torque of the motors, the signal "motor_tau"; "motor_q" and "motor_v" are signals, "tau" is the force on the joint,
@@ -86,7 +87,7 @@ class ElasticDrive:
 
     Args:
         stiffness: k > 0, one for all joints or one for each (None: rigid) [N m/rad or N/m].
-        inertia: J > 0 of the motor, reflected to its joint; None for the rotor that the joint has [kg m^2 or kg].
+        inertia: J > 0 of the motor, reflected to its joint [kg m^2 or kg].
         damping: d >= 0 [N m s/rad or N s/m].
 
     Raises:

@@ -22,6 +22,8 @@ USUAL = {
 }  # fmt: skip
 # Two that do not suit the sizes above: breakaway friction is larger than sliding friction, and a stall torque larger.
 LARGER = {("stribeck", "f_static"): 3.0, ("torque_speed", "stall"): 600.0}
+# Defaults that these machines, whose joints have no rotors of their own, cannot take.
+NEEDED = {("elastic_drive", "inertia")}
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def effect_lines() -> Iterator[str]:
         for field in fields(kind):
             value, unit = field.default, field.metadata.get("unit", "")
             note = "; ".join(part for part in (unit, words.get(field.name, "")) if part)
-            if value is MISSING:
+            if value is MISSING or (name, field.name) in NEEDED:
                 value = LARGER.get((name, field.name), USUAL.get(unit, 1.0))
                 note += ", no default"
             elif value is None:

@@ -53,8 +53,8 @@ def test_a_rotor_of_a_joint_sits_behind_its_spring(form, inertia):
 @pytest.mark.slow
 def test_rotors_that_are_parameters_move_behind_the_spring():
     made = lambda rotor: serial([replace(joint, rotor=rotor) for joint in JOINTS])  # noqa: E731
-    symbolic = canonical(made(Parameter(1e-4)), [ElasticDrive(STIFF)])
-    numbers = canonical(made(3e-4), [ElasticDrive(STIFF)])
+    symbolic = canonical(made(Parameter(1e-4)), [ElasticDrive(STIFF, None)])
+    numbers = canonical(made(3e-4), [ElasticDrive(STIFF, None)])
     states = np.concatenate([Q[:2] + 1e-3, V[:2]]).reshape(2, 2).T.ravel()
     one = accelerations(symbolic, Q, V, states, TAU, [3e-4] * 3)
     other = accelerations(numbers, Q, V, states, TAU)
@@ -72,4 +72,4 @@ def test_rotors_of_published_robots():
 
 def test_a_joint_without_a_rotor_needs_an_inertia():
     with pytest.raises(ValueError, match="inertia_1: got None for a joint with a stiffness and without a rotor"):
-        lagrange(robots.ur5(), [ElasticDrive(1e4)])
+        lagrange(robots.ur5(), [ElasticDrive(1e4, None)])
