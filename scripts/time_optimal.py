@@ -22,6 +22,7 @@ from reports import effect_budget as budget
 from reports.arm_template import template
 from reports.controller_files import write_at_rate
 from reports.motion_account import Files, account, describe, named
+from reports.motion_clearance import clearances
 from reports.motion_solving import add_solving, checks_of, find
 from reports.motion_table import at_points, tabulate, write_csv
 from reports.output import add_output, output_folder, working
@@ -117,7 +118,8 @@ def find_motion(
         report = verify(solution, allowed=asked.allowed)
     times, table, unrecovered = tabulate(solution, scene)
     difference = torque_difference(solution, scene, table)
-    result = verdict(solution, report, difference, asked.torques)
+    clear = clearances(solution, task)
+    result = verdict(solution, report, difference, asked.torques, clear)
     try:
         with working("drawing", shown):
             files = write(solution, scene, task, (times, table), result.ok, options)
@@ -129,14 +131,14 @@ def find_motion(
 
             files["report"] = options.output / "time_optimal.html"
             with working("writing the report", shown):
-                write_motion_report(files["report"], solution, scene, task, document, report, result)
+                write_motion_report(files["report"], solution, scene, task, document, report, result, clear)
     except (OSError, ImportError, ValueError) as error:
         print(f"time_optimal: {f'cannot write: {error}' if isinstance(error, OSError) else error}", file=sys.stderr)
         return 1
     if options.json:
-        print(json.dumps(account(solution, report, difference, result, files), indent=2))
+        print(json.dumps(account(solution, report, difference, result, files, clear), indent=2))
     else:
-        describe(show, solution, report, unrecovered or difference, result, files)
+        describe(show, solution, report, unrecovered or difference, result, files, clear)
     if not result.ok:
         print(f"time_optimal: no verified solution: {result.cause}", file=sys.stderr)
         return 1
@@ -189,7 +191,7 @@ def write(
     for suffix in options.formats:
         files[suffix] = folder / f"time_optimal.{suffix}"
         n = len(machine.coordinates)
-        plots.motion(solution, machine, rows[1][:, -n:], task.obstacles, title, files[suffix])
+        plots.motion(solution, machine, rows[1][:, -n:], task.drawn, title, files[suffix])
         if isinstance(solution, Solution) and solution.structure is not None:
             kind = "structure" if suffix == options.formats[0] else f"structure {suffix}"
             files[kind] = folder / f"time_optimal_structure.{suffix}"

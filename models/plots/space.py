@@ -47,7 +47,8 @@ def surfaces(obstacles: Sequence[Obstacle | Region], middle: Array, half: float)
         region, within = (one.region, one.keep is inside) if isinstance(one, Obstacle) else (one, False)
         made = mesh(region, middle, half)
         if made is not None:
-            results.append(Surface(made, within, type(region).__name__))
+            name = one.name if isinstance(one, Obstacle) else ""
+            results.append(Surface(made, within, name or type(region).__name__))
     return results
 
 

@@ -2,14 +2,8 @@
 
 from models.rigid_bodies import robots
 from models.rigid_bodies.builders import DhRow, dh, serial, tree
-from models.rigid_bodies.collisions import (
-    body_capsule,
-    keep_clear,
-    least_clearance,
-    self_pairs,
-    skeleton_shapes,
-    with_shapes,
-)
+from models.rigid_bodies.clearances import least_clearance
+from models.rigid_bodies.collisions import body_capsule, keep_clear, self_pairs, skeleton_shapes, with_shapes
 from models.rigid_bodies.joint import Capsule, Joint, Kind, Link
 from models.rigid_bodies.tool_poses import along_poses, inverse_kinematics, orientation_error
 from models.rigid_bodies.urdf import from_urdf

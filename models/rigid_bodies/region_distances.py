@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
 
 from ocp import checks
 from ocp.checks import Array
 from ocp.problem.regions import Ball, Box, Cylinder, HalfSpace, Region
+
+NORM = 16  # exponent of the norm that rounds edges
+CORNERS = 61  # angles at which the factor of the norm is looked for
+TINY = 1e-6  # keeps roots differentiable in the middle of a region
 
 
 def grown(region: Region, by: float) -> Region:
@@ -26,27 +31,41 @@ def grown(region: Region, by: float) -> Region:
     raise TypeError(f"obstacles: got {checks.shown(region)}, expected a Ball, Box, Cylinder or HalfSpace")
 
 
-def share_of(grown: Region, spare: float) -> float:
-    """Return the excess over the limit of `outside` within which a point is no deeper in a region than a distance [m].
+def nearness(region: Region, by: float, point: ca.SX) -> tuple[ca.SX, float]:
+    """Return an expression that is >= 1 only at a distance from a region, and what it is relative to [m].
 
-    A point outside of a region shrunk by the factor 1 - spare / (largest half width) about its centre.
+    For boxes and finite cylinders with half widths h the norm (sum_i (d_i / (h_i + by))^p / c)^(1/p), whose factor c is
+    the least one with which it is <= 1 everywhere within the distance, edges and corners rounded by it.
+
+    Args:
+        region: Ball, Box, Cylinder or HalfSpace.
+        by: distance > 0 [m].
+        point: (3,) expression [m].
     """
-    if isinstance(grown, Ball):
-        return squared(spare / grown.radius)
-    if isinstance(grown, HalfSpace):
-        return spare
-    if isinstance(grown, Box):
-        halves = (np.array(grown.upper, dtype=float) - np.array(grown.lower, dtype=float)) / 2.0
-        return spare / float(np.max(halves))
-    if isinstance(grown, Cylinder) and np.isfinite(grown.length):
-        return spare / max(grown.radius, grown.length / 2.0)
-    assert isinstance(grown, Cylinder)
-    return squared(spare / grown.radius)
+    wide = grown(region, by)
+    faces = ca.vec(wide.within(point))
+    if isinstance(region, HalfSpace):
+        return faces, 1.0
+    if faces.numel() == 1:
+        return ca.sqrt(faces + TINY), float(wide.radius)
+    halves = _halves(region)
+    turn = np.linspace(0.0, np.pi / 2.0, CORNERS)
+    if len(halves) == 2:
+        normals = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    else:
+        up, round_ = (grid.ravel() for grid in np.meshgrid(turn, turn, indexing="ij"))
+        normals = np.stack([np.cos(up) * np.cos(round_), np.cos(up) * np.sin(round_), np.sin(up)], axis=1)
+    factor = 1.001 * float(np.max(np.sum(((halves + by * normals) / (halves + by)) ** NORM, axis=1)))
+    norm = (ca.sum1(faces ** (NORM // 2)) / factor + TINY) ** (1.0 / NORM)
+    return norm, float(np.linalg.norm(halves + by))
 
 
-def squared(share: float) -> float:
-    """Return 1 - (1 - share)^2."""
-    return share * (2.0 - share)
+def _halves(region: Region) -> Array:
+    """Return the half widths of a box, or radius and half the length of a cylinder [m]."""
+    if isinstance(region, Box):
+        return np.asarray((np.array(region.upper, dtype=float) - np.array(region.lower, dtype=float)) / 2.0)
+    assert isinstance(region, Cylinder)
+    return np.array([region.radius, region.length / 2.0])
 
 
 def signed_distance(region: Region) -> Callable[[Array], Array]:

@@ -23,6 +23,7 @@ SAME = 1e-4  # coordinates of one solution differ by less
 SPREAD = 0.3  # the same where solutions form curves, of which the nearest points of several starts differ a little
 EXACT = 1e-9  # error of a solution
 FLAT = 1e-5  # smallest singular value of the Jacobian of a solution that stands alone
+HALF_TURN = 1e-9  # keeps the error of an orientation finite half a turn away
 JUMP = 0.5  # largest step between points of a path
 
 
@@ -225,8 +226,7 @@ def _followed(task: _Task, begin: Array, points: Array, axes: Sequence[Array] | 
 def orientation_error(system: System, rotation: Rotation) -> ca.SX:
     """Return the expression (3,) that vanishes where the tool has an orientation, for end(...), start(...), along(...).
 
-    It is sin(angle) times the axis of the rotation that is missing, so that it vanishes half a turn away as well: give
-    an initial guess on the right side.
+    It is 2 sin(angle / 2) times the axis of the rotation that is missing, which vanishes there only.
 
     Args:
         system: a form of an arm of links, with the signal "tool_axes".
@@ -239,8 +239,9 @@ def orientation_error(system: System, rotation: Rotation) -> ca.SX:
     if "tool_axes" not in system.signals:
         raise ValueError("system: it has no signal 'tool_axes'; give a form of an arm of links such as robots.ur5()")
     missing = ca.DM(rotation_matrix(rotation).tolist()).T @ ca.reshape(system["tool_axes"], 3, 3)
-    skew = (missing - missing.T) / 2
-    return ca.vertcat(skew[2, 1], skew[0, 2], skew[1, 0])
+    # The vector of the skew part is sin(angle) times the axis, 1 + trace is 4 cos(angle / 2)^2.
+    skew = ca.vertcat(missing[2, 1] - missing[1, 2], missing[0, 2] - missing[2, 0], missing[1, 0] - missing[0, 1])
+    return skew / ca.sqrt(1.0 + ca.trace(missing) + HALF_TURN)
 
 
 def _range(lower: Array, upper: Array, span: Array, near: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, unit_of
 from models.mechanics.terms import Effect, gather
 from models.scenes import catalogue
+from models.scenes.collision_table import with_links
 from models.scenes.robot_entry import read_robot
 from models.scenes.scene import Scene
 from models.scenes.toml_document import SceneError, Table, describe, is_angle, spellings
@@ -34,6 +35,7 @@ def read_scene(document: Table, symbols: Collection[str] = ()) -> Scene:
         machine = read_robot(document)
     else:
         machine = _machine(machines[document.text("machine", machines)], document.table("parameters"), symbols)
+    machine = with_links(document, machine)
     form = forms[document.text("form", forms, "canonical")]
     frame = document.entries.get("frame", "regular" if machine.recursion is None else None)
     if frame is not None and not isinstance(frame, str):

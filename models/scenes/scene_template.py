@@ -157,7 +157,24 @@ def _task(machine: Manipulator, task: Default) -> Iterator[str]:
         "# centre = [0.0, 0.0, 2.0]  # m",
         "# radius = 0.1          # m",
         '# signal = "tool"       # what keeps out of it',
+        '# name = "ball"         # in reports',
+        "",
+        *collision_lines(machine),
     )
+
+
+def collision_lines(machine: Manipulator) -> Iterator[str]:
+    """Yield the lines that keep all links of a machine clear, in comments."""
+    yield "# Obstacles without a signal of their own, the floor and the links themselves, for all links."
+    yield "# [collisions]"
+    if not machine.shapes:
+        yield "# radius = 0.05          # m, of capsules along the lines of the arm (none are known of its links)"
+    yield "# clearance = 0.02       # m, kept along the whole motion"
+    yield "# floor = 0.0            # m, height; leave it out for none"
+    bodies = list(dict.fromkeys(shape.body for shape in machine.shapes)) or ["line 2", "line 3"]
+    example = f'or pairs: [["{bodies[0]}", "{bodies[-1]}"]]' if len(bodies) > 1 else ""
+    yield f"# self = true            # pairs of links that may touch; {example}".rstrip("; ")
+    yield "# self_clearance = 0.0   # m, between these"
 
 
 def _line(entry: str, note: str) -> str:

@@ -10,9 +10,11 @@ from itertools import pairwise
 import casadi as ca
 
 from models.scenes.card import entry, interval
+from models.scenes.link_clearance import LinkClearance
+from models.scenes.tool_orientation import Orientation
 from ocp.problem.constraints import Constraint, along, end, start
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
-from ocp.problem.regions import Region
+from ocp.problem.regions import HalfSpace, Region, outside
 from ocp.problem.sequence import Sequence
 from ocp.system import System
 
@@ -32,19 +34,32 @@ class Interval:
         replaces = self.signal if where is along and self.signal in system.limits else ""
         return where(system[self.signal], self.lower, self.upper, name=replaces)
 
-    def holds_in(self, point: tuple[Interval, ...]) -> bool:
+    def holds_in(self, point: Point) -> bool:
         """Return whether these limits hold wherever those of a point hold; rounding of numbers does not count."""
         return any(
-            one.signal == self.signal
+            isinstance(one, Interval)
+            and one.signal == self.signal
             and all(a >= b - SAME * max(1.0, abs(b)) for a, b in zip(one.lower, self.lower, strict=True))
             and all(a <= b + SAME * max(1.0, abs(b)) for a, b in zip(one.upper, self.upper, strict=True))
             for one in point
         )
 
+    def known_to(self, system: System) -> bool:
+        """Return whether a system has the signal, of this size."""
+        return self.signal in system.signals and system[self.signal].numel() == len(self.lower)
+
+    def words(self, system: System) -> list[str]:
+        """Return the limits in words, component by component."""
+        labels = system.label(self.signal, len(self.lower))
+        return [interval(label, *ends) for label, *ends in zip(labels, self.lower, self.upper, strict=True)]
+
+
+Point = tuple[Interval | Orientation, ...]  # what holds at the start, at the end or at a via point
+
 
 def without_standing_legs(
-    points: list[tuple[Interval, ...]], horizons: tuple[Free | Fixed, ...]
-) -> tuple[tuple[tuple[Interval, ...], ...], tuple[Free | Fixed, ...]]:
+    points: list[Point], horizons: tuple[Free | Fixed, ...]
+) -> tuple[tuple[Point, ...], tuple[Free | Fixed, ...]]:
     """Return the via points and horizons of a motion without the via points that are passed where a leg begins or ends.
 
     A leg of free duration between a point and itself has no length; its equations determine nothing.
@@ -74,15 +89,17 @@ class Obstacle:
     region: Region
     keep: Callable[[Region, ca.SX], Constraint]  # outside or inside
     point: str  # signal
+    name: str = ""
+    links: bool = False  # whether all links keep out of it as well
 
 
 @dataclass(frozen=True)
 class Task:
     """A motion to be found: where it begins, passes and ends, within which limits, and what is minimised."""
 
-    begin: tuple[Interval, ...]
-    via: tuple[tuple[Interval, ...], ...]
-    finish: tuple[Interval, ...]
+    begin: Point
+    via: tuple[Point, ...]
+    finish: Point
     limits: tuple[Interval, ...]
     obstacles: tuple[Obstacle, ...]
     horizons: tuple[Free | Fixed, ...]  # one for each leg
@@ -90,6 +107,15 @@ class Task:
     time: float = 1.0  # weight of the duration
     squares: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)  # signal -> weights
     integral: Mapping[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+    clearance: LinkClearance | None = None  # of the links; None: only the points of `obstacles` keep out of them
+
+    @property
+    def drawn(self) -> tuple[Obstacle, ...]:
+        """What is drawn around a motion: obstacles and the floor."""
+        if self.clearance is None or self.clearance.floor is None:
+            return self.obstacles
+        floor = HalfSpace((0.0, 0.0, self.clearance.floor), (0.0, 0.0, 1.0))
+        return (*self.obstacles, Obstacle(floor, outside, "tool", "floor"))
 
     def problem(self, system: System) -> Problem | Sequence:
         """Return the problem of the task for a system; with via points a sequence of one problem for each leg.
@@ -102,14 +128,8 @@ class Task:
     def card(self, system: System) -> str:
         """Return the task as lines of a card."""
 
-        def listed(intervals: tuple[Interval, ...]) -> str:
-            return "; ".join(
-                interval(label, low, high)
-                for one in intervals
-                for label, low, high in zip(
-                    system.label(one.signal, len(one.lower)), one.lower, one.upper, strict=True
-                )
-            )  # fmt: skip
+        def listed(point: Point) -> str:
+            return "; ".join(words for one in point for words in one.words(system))
 
         cost = [f"{self.time:g} t_f"] if self.time else []
         cost += [f"integral of {weights} . {name}^2" for name, weights in self.squares.items()]
@@ -118,6 +138,7 @@ class Task:
         for point in self.via:
             lines += entry("via", listed(point))
         lines += [*entry("to", listed(self.finish)), *entry("minimise", " + ".join(cost))]
+        lines += self.clearance.card() if self.clearance is not None else []
         for obstacle in self.obstacles:
             lines += entry(obstacle.keep.__name__, f"{obstacle.region} for {obstacle.point}")
         lines += entry("horizon", f"{'; '.join(map(str, self.horizons))}; {self.elements} elements for each leg")
@@ -126,12 +147,13 @@ class Task:
     def known_to(self, system: System) -> Task:
         """Return the task without its limits and weights of signals that the system does not have."""
 
-        def kept(given: tuple[Interval, ...]) -> tuple[Interval, ...]:
-            return tuple(i for i in given if i.signal in system.signals and system[i.signal].numel() == len(i.lower))
+        def kept(given: Point) -> Point:
+            return tuple(one for one in given if one.known_to(system))
 
         return replace(
             self,
-            begin=kept(self.begin), finish=kept(self.finish), limits=kept(self.limits),
+            begin=kept(self.begin), finish=kept(self.finish),
+            limits=tuple(one for one in self.limits if one.known_to(system)),
             via=tuple(kept(point) for point in self.via),
             squares={name: w for name, w in self.squares.items() if name in system.signals},
             integral={name: w for name, w in self.integral.items() if name in system.signals},
@@ -149,6 +171,7 @@ class Task:
         finish += [] if "v" in {interval.signal for interval in self.finish} else [rest.at(end, system)]
         throughout = [interval.at(along, system) for interval in self.limits]
         throughout += [o.keep(o.region, system[o.point]) for o in self.obstacles]
+        throughout += self.clearance.constraints if self.clearance is not None else ()
         edges = [begin, *([interval.at(end, system) for interval in point] for point in self.via), finish]
         return tuple(
             Problem(system, horizon, self._cost(system), (*(first if k == 0 else ()), *last, *throughout))

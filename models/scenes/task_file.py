@@ -4,30 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from models.mechanics.terms import snake
+from models.rigid_bodies.clearances import FLOOR
+from models.scenes.collision_table import check_ends, obstacles_for_links, read_clearance
+from models.scenes.interval_entry import parts_of, read_interval
 from models.scenes.robot_entry import machine_limits
 from models.scenes.scene import Scene
 from models.scenes.scene_file import KEYS, read_scene
-from models.scenes.task import Interval, Obstacle, Task, without_standing_legs
-from models.scenes.toml_document import SceneError, Table, is_angle, parse, read_document, spellings, unknown
+from models.scenes.task import Interval, Obstacle, Point, Task, without_standing_legs
+from models.scenes.toml_document import SceneError, Table, describe, is_angle, parse, read_document, spellings, unknown
+from models.scenes.tool_orientation import KEY, read_orientation
 from ocp.problem import regions
 from ocp.problem.problem import Fixed, Free
 from ocp.problem.regions import inside, outside
 from ocp.system import Label, System
 
 Weights = Mapping[str, tuple[float, ...]]
-SIDES = ("lower", "upper", "lower_deg", "upper_deg")
 REGIONS: dict[str, Callable[..., Any]] = {
     snake(name): thing
     for name, thing in vars(regions).items()
     if isinstance(thing, type) and dataclasses.is_dataclass(thing) and hasattr(thing, "within")
 }
+TASK_KEYS = ("limits", "collisions", "task")
 REGION_SIDES = {"outside": outside, "inside": inside}
 
 
@@ -50,7 +54,7 @@ def of_text(text: str, file: str) -> tuple[Scene, Task]:
 
 def of_document(document: Table) -> tuple[Scene, Task]:
     """Return the scene and the task of a document; of a study, for the numbers that stand in the file."""
-    document.only([*KEYS, "limits", "task", "study", "motors"])
+    document.only([*KEYS, *TASK_KEYS, "study", "motors"])
     scene = read_scene(document)
     return scene, read_task(document, scene)
 
@@ -76,7 +80,7 @@ def read_task(document: Table, scene: Scene) -> Task:
     points = table.entries.get("via", [])
     if not isinstance(points, list):
         raise table.error("via", "expected a list of points, via = [ [...], ... ]")
-    via = tuple(
+    given = tuple(
         _pose(Table(table.file, table.lines, table.key, {f"via[{k}]": point}), f"via[{k}]", scene)
         for k, point in enumerate(points, 1)
     )
@@ -84,9 +88,10 @@ def read_task(document: Table, scene: Scene) -> Task:
     still = Interval("v", *(((0.0,) * system["v"].numel(),) * 2)) if "v" in system.signals else None
     edges = [(*point, still) if still is not None and still.signal not in {one.signal for one in point} else point
              for point in (begin, finish)]  # fmt: skip
-    via, horizons = without_standing_legs([edges[0], *via, edges[1]], _horizons(table, len(via) + 1))
+    via, horizons = without_standing_legs([edges[0], *given, edges[1]], _horizons(table, len(given) + 1))
     time, squares, integral = _cost(table, system)
-    obstacles = tuple(_obstacle(inner, system) for inner in table.tables("obstacles"))
+    obstacles = _obstacles(table, system, obstacles_for_links(document))
+    clearance = read_clearance(document, scene.machine, obstacles)
     task = Task(
         begin,
         via,
@@ -98,11 +103,18 @@ def read_task(document: Table, scene: Scene) -> Task:
         time,
         squares,
         integral,
+        clearance,
     )
     try:
         task.problem(system)
     except (ValueError, TypeError) as error:
         raise table.error("", str(error)) from None
+    if clearance is not None:
+        fixed = {"from": begin, **{f"via[{k}]": point for k, point in enumerate(given, 1)}, "to": finish}
+        check_ends(table, clearance, {
+            name: one.lower for name, point in fixed.items() for one in point
+            if isinstance(one, Interval) and one.signal == "q" and one.lower == one.upper
+        })  # fmt: skip
     return task
 
 
@@ -120,69 +132,32 @@ def read_limits(document: Table, scene: Scene) -> list[Interval]:
     limits, results = machine_limits(document.table("limits"), scene.machine)
     named = _signals(limits, system)
     results = [one for one in results if one.signal not in named]
-    return results + [read_interval(limits, name, system, both_sides=True) for name in named]
+    return results + [read_interval(limits, name, parts_of(system, name), both_sides=True) for name in named]
 
 
-def read_interval(table: Table, name: str, system: System, both_sides: bool) -> Interval:
-    """Return the interval of a signal in an entry: values, limits in both directions, or { lower = ..., upper = ... }.
-
-    Args:
-        table: with the entry.
-        name: of the signal; the entry may have `_deg` behind it.
-        system: with the signal.
-        both_sides: whether plain numbers are limits in both directions, not values.
-
-    Raises:
-        SceneError: a wrong number, or lower > upper.
-    """
-    parts, value = _parts(system, name), table.entries.get(name)
-    if isinstance(value, dict) and any(key in SIDES for key in value):
-        inner = table.inner(name, value)
-        inner.only(SIDES if any(is_angle(part.unit) for part in parts) else SIDES[:2])
-        lower = inner.column("lower", parts, -np.inf) if inner.has("lower") else (-np.inf,) * len(parts)
-        upper = inner.column("upper", parts, np.inf) if inner.has("upper") else (np.inf,) * len(parts)
-        for part, low, high in zip(parts, lower, upper, strict=True):
-            if low > high:
-                raise inner.error("", f"lower {low:g} is above upper {high:g} {part.unit} for {part.name}")
-        return Interval(name, lower, upper)
-    if not both_sides:
-        values = table.column(name, parts)
-        return Interval(name, values, values)
-    sizes = table.column(name, parts, np.inf)
-    for part, size in zip(parts, sizes, strict=True):
-        if size < 0.0:
-            spelled = name if name in table.entries else f"{name}_deg"
-            raise table.error(spelled, f"got {size:g} {part.unit} for {part.name}, expected numbers >= 0, "
-                              "or { lower = ..., upper = ... }")  # fmt: skip
-    return Interval(name, tuple(-size for size in sizes), sizes)
-
-
-def _parts(system: System, name: str) -> tuple[Label, ...]:
-    """Return the components of a signal; those of coordinates, velocities and forces by the coordinate's name."""
-    labels, coordinates = system.label(name, system[name].numel()), system.label("q", system["q"].numel())
-    same = len(labels) == len(coordinates) and name.split("_")[-1] in ("q", "v", "tau")
-    return tuple(Label(c.name, part.unit) for c, part in zip(coordinates, labels, strict=True)) if same else labels
-
-
-def _signals(table: Table, system: System) -> list[str]:
+def _signals(table: Table, system: System, others: tuple[str, ...] = ()) -> list[str]:
     names, result = list(system.signals), []
-    angles = [f"{name}_deg" for name in names if any(is_angle(part.unit) for part in _parts(system, name))]
+    angles = [f"{name}_deg" for name in names if any(is_angle(part.unit) for part in parts_of(system, name))]
     for key in table.entries:
+        if key in others:
+            continue
         if key not in names and key not in angles:
             raise table.error(key, unknown("signal", key, names))
         result.append(key if key in names else key.removesuffix("_deg"))
     return list(dict.fromkeys(result))
 
 
-def _pose(table: Table, name: str, scene: Scene) -> tuple[Interval, ...]:
+def _pose(table: Table, name: str, scene: Scene) -> Point:
     """Return what holds at the start, at the end or at a via point: a position, or signals by name."""
     system, value = scene.system, table.entries.get(name)
-    parts = _parts(system, "q")
+    parts = parts_of(system, "q")
     if isinstance(value, dict) and not any(key in spellings(parts) for key in value):
         inner = table.inner(name, value)
         if not value:
             raise inner.error("", f"is empty; expected {', '.join(map(str, parts))}, or signals by name")
-        return tuple(read_interval(inner, signal, system, both_sides=False) for signal in _signals(inner, system))
+        names = _signals(inner, system, (KEY, f"{KEY}_deg"))
+        point = [read_interval(inner, signal, parts_of(system, signal), both_sides=False) for signal in names]
+        return (*point, *((read_orientation(inner, system),) if inner.has(KEY) else ()))
     values = table.column(name, parts)
     return (Interval("q", values, values),)
 
@@ -203,7 +178,7 @@ def _cost(table: Table, system: System) -> tuple[float, Weights, Weights]:
             if name not in system.signals:
                 raise weights.error(name, unknown("signal", name, list(system.signals)))
         results[kind] = {
-            name: weights.column(name, [Label(part.name) for part in _parts(system, name)], 0.0)
+            name: weights.column(name, [Label(part.name) for part in parts_of(system, name)], 0.0)
             for name in weights.entries
         }
     return inner.number("time", "", 0.0), results["squares"], results["integral"]
@@ -246,13 +221,24 @@ def _elements(table: Table) -> int:
     return value
 
 
-def _obstacle(table: Table, system: System) -> Obstacle:
+def _obstacles(table: Table, system: System, links: bool) -> tuple[Obstacle, ...]:
+    made: list[Obstacle] = []
+    for inner in table.tables("obstacles"):
+        one = _obstacle(inner, system, links)
+        one = one if one.name else replace(one, name=f"{type(one.region).__name__}_{len(made) + 1}")
+        if one.name in (FLOOR, *(other.name for other in made)):
+            raise inner.error("name", f"there is another {one.name!r}; each obstacle has a name of its own")
+        made.append(one)
+    return tuple(made)
+
+
+def _obstacle(table: Table, system: System, links: bool) -> Obstacle:
     shape = REGIONS[table.text("shape", REGIONS)]
     given = dataclasses.fields(shape)  # type: ignore[arg-type]
     names = [field.name for field in given]
     # The key "point" names the signal, unless the shape has a point of its own, as a half space has.
     spelled = "signal" if "signal" in table.entries or "point" in names else "point"
-    table.only(dict.fromkeys(["shape", "keep", "signal", "point", *names]))
+    table.only(dict.fromkeys(["shape", "keep", "signal", "point", *names, "name"]))
     values: dict[str, object] = {}
     for field in given:
         if field.name in table.entries:
@@ -276,7 +262,10 @@ def _obstacle(table: Table, system: System) -> Obstacle:
         keep(region, system[point])
     except (ValueError, TypeError) as error:
         raise table.error("", str(error)) from None
-    return Obstacle(region, keep, point)
+    name = table.entries.get("name", "")
+    if not isinstance(name, str):
+        raise table.error("name", f"got {describe(name)}, expected a text")
+    return Obstacle(region, keep, point, name, links and keep is outside and spelled not in table.entries)
 
 
 def _is_position(system: System, name: str, signal: ca.SX) -> bool:

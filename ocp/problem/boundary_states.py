@@ -10,9 +10,11 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.constraints import Where, single_symbols
+from ocp.problem.nearby_states import nearby
 from ocp.problem.problem import Fixed, Problem
 
 ITERATIONS = 30  # of Gauss-Newton
+SATISFIED, FARTHER = 1e-9, 1.2  # residual, and how much farther than the nearest one a state may be that is kept
 CLOSE = 1e-12  # largest relative residual of a condition that counts as satisfied
 
 
@@ -57,7 +59,27 @@ def _satisfying(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Arr
     if len(bounds) == len({index for index, _, _ in bounds}) == len(low):
         return x, sum(lower == upper for _, lower, upper in bounds) == len(x)
     expression = ca.vertcat(*(c.expression for c in wanted))
-    function = ca.Function("ends", [system.x, system.p], [expression, ca.densify(ca.jacobian(expression, system.x))])
+    slope = ca.densify(ca.jacobian(expression, system.x))
+    function = ca.Function("ends", [system.x, system.p], [expression, slope])
+    reached, whole = _by_gauss_newton(function, x, p, (low, high))
+    if not ca.depends_on(slope, system.x):
+        return reached, whole
+    along = problem.limits(Where.ALONG, system.x)
+    near = nearby(function, x, p.full().ravel(), (low, high), along)
+    if near is None:
+        return reached, whole
+    # Where a nonlinear condition is far from satisfied, undamped steps end anywhere.
+    value = np.array(function(reached, p)[0]).ravel()
+    kept = np.all(np.abs(np.clip(value, low, high) - value) <= SATISFIED * np.maximum(np.abs(value), 1.0))
+    within = np.all((reached >= along[0]) & (reached <= along[1]))
+    if kept and within and np.linalg.norm(reached - x) <= FARTHER * np.linalg.norm(near - x):
+        return reached, whole
+    return _by_gauss_newton(function, near, p, (low, high))
+
+
+def _by_gauss_newton(function: ca.Function, x: Array, p: ca.DM, limits: tuple[Array, Array]) -> tuple[Array, bool]:
+    """Return the state that undamped steps lead to, and whether the conditions determine it uniquely."""
+    low, high = limits
     whole = False
     for _ in range(ITERATIONS):
         value, slope = (np.array(part) for part in function(x, p))

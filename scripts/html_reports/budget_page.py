@@ -49,7 +49,7 @@ def write_budget_report(path: Path, budget: Budget, scene: Scene, task: Task, do
         assert motion is not None
         t = np.linspace(0.0, whole.duration, FRAMES)
         q = np.atleast_2d(motion.signal("q", t))
-        space = playback(t, skeleton(scene.machine, q), task.obstacles, None, links(scene.machine, q))
+        space = playback(t, skeleton(scene.machine, q), task.drawn, None, links(scene.machine, q))
         for number, (row, one) in enumerate(solved[1:], 1):
             poses = skeleton(scene.machine, np.atleast_2d(one.signal("q", _times(one))))
             space.add_trace(_path(poses[:, -1], row.name, colour_of(number)))

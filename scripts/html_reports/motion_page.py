@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from reports.motion_clearance import Clearances
 from reports.scene_toml import as_toml
 from reports.verdict import Verdict
 
@@ -31,7 +32,7 @@ AT_LIMIT = 1e-3  # share of the range within which a drive counts as at its limi
 
 def write_motion_report(
     path: Path, solution: Solution | SequenceSolution, scene: Scene, task: Task, document: Table, report: Report,
-    result: Verdict,
+    result: Verdict, clear: Clearances = (),
 ) -> None:  # fmt: skip
     """Write the report of a motion.
 
@@ -43,6 +44,7 @@ def write_motion_report(
         document: the scene file, with what the options of the command changed.
         report: of `verify`.
         result: verdict on the motion.
+        clear: least distances of the links.
 
     Raises:
         ImportError: Plotly is not installed.
@@ -53,7 +55,7 @@ def write_motion_report(
     t = np.linspace(0.0, solution.duration, FRAMES if moves else 1)
     via = skeleton(scene.machine, np.atleast_2d(solution.signal("q", begins[1:])))[:, -1] if len(legs) > 1 else None
     q = np.atleast_2d(solution.signal("q", t))
-    space = playback(t, skeleton(scene.machine, q), task.obstacles, via, links(scene.machine, q))
+    space = playback(t, skeleton(scene.machine, q), task.drawn, via, links(scene.machine, q))
     shown = curves(solution)
     rows = solution.structure.rows if isinstance(solution, Solution) and solution.structure is not None else ()
     sections = [
@@ -65,6 +67,7 @@ def write_motion_report(
             "Dashed: limits. Shaded: times at which a limit is active (blue the lower, orange the upper one)" +
             (", for the drives the arcs of the switching structure." if rows else "."))) if moves else "",
         page.section("What limits it", _drives(shown[-1]), _gains(solution)) if moves else "",
+        page.section("How near the links come", _clearances(clear)) if clear else "",
         _structure(solution, rows),
         page.section("How accurate it is", _accuracy(report)) if solution.ok else
         page.section("What the solver found", page.listed(solution.message.split("; "))),
@@ -156,6 +159,11 @@ def _gains(solution: Solution | SequenceSolution) -> str:
     head = ("limit that is met", "d cost / d limit", f"{100 * MORE:.0f} % wider saves [{unit}]")
     note = page.paragraph("To first order, from the multipliers." if rows else "", "note")
     return page.table(head, [(*row[:2], factor * row[2]) for row in rows]) + note
+
+
+def _clearances(clear: Clearances) -> str:
+    rows = [(one.body, one.other, one.least, wanted, t) for one, t, wanted in clear]
+    return page.table(("link", "from", "least distance [m]", "kept [m]", "at [s]"), rows)
 
 
 def _one_limit_moved(problem: Problem) -> Problem | None:

@@ -125,7 +125,7 @@ def _motions(table: StudyTable, at: Callable[[int], tuple[Scene, Task]]) -> tupl
     if every:
         t, corners, task = every[0]
         reach = max((corners for _, corners, _ in every), key=lambda c: float(np.abs(c).max()))
-        drawing = playback(np.linspace(0.0, 1.0, len(t)), corners, task.obstacles, height=520)
+        drawing = playback(np.linspace(0.0, 1.0, len(t)), corners, task.drawn, height=520)
         half = float(np.abs(reach).max()) * 1.05
         drawing.update_layout(scene={f"{c}axis": {"range": [-half, half]} for c in "xyz"})
         drawing.layout.sliders[0].currentvalue = {"prefix": "share of the duration: "}

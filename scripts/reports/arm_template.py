@@ -16,7 +16,7 @@ from models.rigid_bodies import from_urdf
 from models.scenes import catalogue
 from models.scenes.docstring_words import argument_units, argument_words
 from models.scenes.robot_entry import shipped
-from models.scenes.scene_template import TASKS, effect_lines, scene_text
+from models.scenes.scene_template import TASKS, collision_lines, effect_lines, scene_text
 from ocp.checks import Array
 from reports.scene_toml import key_of
 
@@ -118,7 +118,7 @@ def _task(arm: Manipulator) -> Iterator[str]:
     units = ", ".join(c.unit for c in arm.coordinates)
     yield "[task]                  # from rest to rest"
     yield f"from = {_list(start)}  # {units}"
-    yield f"to = {_list(goal)}  # {units}; or {{ tool = [x, y, z] }}"
+    yield f"to = {_list(goal)}  # {units}; or {{ tool = [x, y, z], orientation_deg = [roll, pitch, yaw] }}"
     yield 'minimise = "time"       # or { time = 1.0, squares = { tau = 1e-6 }, integral = { power = 0.0 } }'
     yield "horizon = { guess = 1.0 }  # s; a free duration may have lower and upper, a fixed one is a number"
     yield "elements = 50           # of the grid"
@@ -128,6 +128,9 @@ def _task(arm: Manipulator) -> Iterator[str]:
     yield '# shape = "ball"'
     yield "# centre = [0.0, 0.0, 2.0]  # m"
     yield "# radius = 0.1          # m"
+    yield '# name = "ball"         # in reports'
+    yield ""
+    yield from collision_lines(arm)
 
 
 def _ends(arm: Manipulator) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from models.effects import Gravity
 from models.mechanics.terms import name_of
 from models.plots.signals import minimised, phases, problem_of
 from ocp import Free, Report, SequenceSolution, Solution, estimate
+from reports.motion_clearance import Clearances, lines_of, plain
 from reports.motion_table import finite
 from reports.verdict import Verdict
 
@@ -28,8 +29,9 @@ def named(scene: Scene) -> list[str]:
 
 
 def account(
-    solution: Solution | SequenceSolution, report: Report, difference: float, verdict: Verdict, files: Files
-) -> dict[str, object]:
+    solution: Solution | SequenceSolution, report: Report, difference: float, verdict: Verdict, files: Files,
+    clear: Clearances = (),
+) -> dict[str, object]:  # fmt: skip
     """Return everything that the command prints as plain data."""
     figures = ("drift", "drift_end", "violation", "hamiltonian", "hamiltonian_value", "switching", "energy")
     legs = phases(solution)[0]
@@ -44,12 +46,14 @@ def account(
         "legs": [leg.duration for leg in legs],
         **{name: finite(float(getattr(report, name))) for name in figures},
         "torque_difference": finite(difference),
+        "clearances": plain(clear),
         "seconds": vars(solution.timings),
         "files": {kind: os.fspath(path) for kind, path in files.items()},
     }
 
 
 MOVED = "grid moved"
+SHOWN = 5  # least distances that are printed
 NO_BALANCE = "no balance: the system has no signals energy and power"
 
 
@@ -78,7 +82,7 @@ def hamiltonian(solution: Solution | SequenceSolution, report: Report) -> str:
 
 def describe(
     show: Callable[[str], None], solution: Solution | SequenceSolution, report: Report, difference: float | str,
-    verdict: Verdict, files: Files,
+    verdict: Verdict, files: Files, clear: Clearances = (),
 ) -> None:  # fmt: skip
     """Print the compact account.
 
@@ -89,6 +93,7 @@ def describe(
         difference: of the recovered torques, share of the limit; or why they were not recovered.
         verdict: on the motion.
         files: written.
+        clear: least distances of the links.
     """
     spent = solution.timings
     structure = solution.structure if isinstance(solution, Solution) else None
@@ -105,6 +110,8 @@ def describe(
     show(f"drift        {report.drift:.1e} of the range of its state, re-integrated at 1e-12")
     where = f" ({report.violation.what})" if report.violation > 0.0 else ""
     show(f"limits       exceeded by {report.violation:.1e} of their range between nodes{where}")
+    for number, line in enumerate(lines_of(clear)[:SHOWN]):
+        show(f"{'' if number else 'clearance':<13}{line}")
     show(f"Hamiltonian  {hamiltonian(solution, report)}")
     if structure is not None:
         show(f"structure\n{structure}")

@@ -16,9 +16,10 @@ from models import Scene
 from models.machines.parameters import unit_of
 from models.mechanics.terms import snake
 from models.scenes import catalogue
+from models.scenes.collision_table import entries_of_shapes
 from models.scenes.scene_file import KEYS, read_scene
 from models.scenes.task import Task
-from models.scenes.task_file import read_task
+from models.scenes.task_file import TASK_KEYS, read_task
 from models.scenes.toml_document import SceneError, Table, describe, read_document
 from ocp import LatinHypercube, Problem, Product, Random, Sequence, Sobol, Study, Zip, radau, uniform
 from ocp.studies.designs import Design
@@ -63,8 +64,8 @@ class SceneProblem:
         keys, named = dict(self.keys), {_argument(name): name for name in self.others}
         changes = {keys[named[_argument(name)]]: value for name, value in values.items()}
         document = changed(Table("study", {}, "", json.loads(self.content)), changes)
-        scene = _scene(json.dumps({key: document.entries[key] for key in KEYS if key in document.entries}),
-                       tuple(keys[name] for name in self.symbols))  # fmt: skip
+        entries = {k: v for k, v in document.entries.items() if k in KEYS} | entries_of_shapes(document.entries)
+        scene = _scene(json.dumps(entries), tuple(keys[name] for name in self.symbols))
         return scene, read_task(document, scene)
 
 
@@ -94,7 +95,7 @@ def of_document(document: Table, store: str | Path | None) -> Study:
     Raises:
         SceneError: a wrong name, number or combination; the message names file, line and key.
     """
-    document.only([*KEYS, "limits", "task", "study"])
+    document.only([*KEYS, *TASK_KEYS, "study"])
     document.require("study")
     table = document.table("study")
     table.only(STUDY)
@@ -132,7 +133,7 @@ def spelled(document: Table, name: str, table: Table) -> str:
         SceneError: the document has no such key, nor can it have.
     """
     head = name.partition(".")[0]
-    if head in (*KEYS, "limits", "task"):
+    if head in (*KEYS, *TASK_KEYS):
         return name
     if head in catalogue.effects():
         if head not in document.table("effects").entries:
@@ -162,6 +163,8 @@ def units(study: Study) -> dict[str, str]:
         elif head == "effects":
             metadata = {field.name: field.metadata for field in fields(catalogue.effects()[rest[0]])}
             results[name] = metadata[rest[1].removesuffix("_deg")].get("unit", "") if len(rest) == 2 else ""
+        elif head == "collisions":
+            results[name] = "m"
         elif rest and rest[-1].isdigit():  # a component of a limit, or of the start or the goal
             signal = rest[0] if head == "limits" else "q"
             labels = system.label(signal, system[signal].numel()) if signal in system.signals else ()

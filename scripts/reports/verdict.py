@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp import Report, SequenceSolution, Solution, Status
+from reports.motion_clearance import Clearances, kept
 from reports.motion_solving import AGREEMENT
 
 TRIED = re.compile(r" \(guesses tried: (?:[^()]|\([^()]*\))*\)")
@@ -29,8 +30,9 @@ class Verdict:
 
 
 def verdict(
-    solution: Solution | SequenceSolution, report: Report, difference: float, agreement: float = AGREEMENT
-) -> Verdict:
+    solution: Solution | SequenceSolution, report: Report, difference: float, agreement: float = AGREEMENT,
+    clear: Clearances = (),
+) -> Verdict:  # fmt: skip
     """Return the verdict on a motion.
 
     Args:
@@ -38,8 +40,13 @@ def verdict(
         report: of `verify`.
         difference: of the recovered torques from those of the solution, share of the limit.
         agreement: difference that is accepted.
+        clear: least distances of the links.
     """
     cause, remedy = _fault(solution, report, difference, agreement)
+    if not cause and not kept(clear):
+        worst = min(clear, key=lambda one: one[0].least - one[2])
+        cause = f"{worst[0]} at {worst[1]:.4g} s instead of {worst[2]:g} m"
+        remedy = f"--nodes {2 * _elements(solution)}, or a larger margin in [collisions]"
     if not cause:
         return Verdict(True, f"verified: {_accuracy(solution, report)}")
     return Verdict(False, f"not verified: {cause}", cause, remedy)
@@ -72,8 +79,7 @@ def _fault(
 ) -> tuple[str, str]:
     if not solution.ok:
         return diagnosis(solution.message)
-    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
-    elements = max(len(leg.grid) for leg in legs)
+    elements = _elements(solution)
     name = next(iter(report.cures), "")
     finer = f"--nodes {elements + ((report.more_elements(name) if name else 0) or elements)}, or --accuracy 1e-4"
     amount = f" ({report.amounts[name]})" if report.amounts.get(name) else ""
@@ -95,6 +101,11 @@ def _fault(
         )
     words = " ".join(report.failures)
     return words, f"--nodes {2 * elements}" if words else ""
+
+
+def _elements(solution: Solution | SequenceSolution) -> int:
+    legs = solution.phases if isinstance(solution, SequenceSolution) else (solution,)
+    return max(len(leg.grid) for leg in legs)
 
 
 def _accuracy(solution: Solution | SequenceSolution, report: Report) -> str:

@@ -75,3 +75,55 @@ BROKEN = [
     ("a key twice", "m_3 = 15.0", "m_3 = 15.0\nm_3 = 16.0"),
     ("nothing", SOUND, ""),
 ]  # fmt: skip
+
+SOUND_ARM = """machine = { robot = "ur5" }
+[limits]
+machine = true
+[collisions]
+clearance = 0.02
+floor = 0.0
+self = [["shoulder_lift_joint", "wrist_1_joint"]]
+[task]
+from = [0.0, -1.2, 1.4, -1.6, -1.5, 0.0]
+to = { q = [1.6, -1.0, 1.2, -1.6, -1.5, 0.5] }
+[[task.obstacles]]
+name = "post"
+shape = "cylinder"
+centre = [0.40, 0.46, 0.15]
+axis = [0.0, 0.0, 1.0]
+radius = 0.05
+length = 0.3
+"""
+
+BROKEN_ARM = [
+    ("unknown key of collisions", "clearance = 0.02", "distance = 0.02"),
+    ("negative clearance", "clearance = 0.02", "clearance = -0.02"),
+    ("clearance of wrong type", "clearance = 0.02", 'clearance = "2 cm"'),
+    ("collisions of wrong type", "[collisions]\nclearance = 0.02\nfloor = 0.0\n", "[[collisions]]\n"),
+    ("start in an obstacle", "centre = [0.40, 0.46, 0.15]", "centre = [0.55, 0.11, 0.3]"),
+    ("goal in an obstacle", "centre = [0.40, 0.46, 0.15]", "centre = [-0.13, 0.60, 0.3]"),
+    ("start nearer than the clearance", "clearance = 0.02", "clearance = 0.04"),
+    ("start nearer than the spheres allow", "radius = 0.05\nlength = 0.3", "radius = 0.31\nlength = 1.0"),
+    ("via point in an obstacle", "to = {", "via = [[1.0, -0.5, 1.8, -1.6, -1.5, 0.0]]\nto = {"),
+    ("floor above the base", "floor = 0.0", "floor = 0.2"),
+    ("floor of wrong type", "floor = 0.0", "floor = true"),
+    ("link folded onto another", "to = { q = [1.6, -1.0, 1.2", "to = { q = [1.6, -1.6, 3.0"),
+    ("unknown link of a pair", '"wrist_1_joint"', '"wrist1"'),
+    ("a pair of one link", '"wrist_1_joint"', '"shoulder_lift_joint"'),
+    ("three links of a pair", '["shoulder_lift_joint", "wrist_1_joint"]', '["shoulder_lift_joint"]'),
+    ("self of wrong type", 'self = [["shoulder_lift_joint", "wrist_1_joint"]]', "self = 1"),
+    ("radius beside capsules", "clearance = 0.02", "radius = 0.05"),
+    ("no capsules", '"ur5"', '"puma560"'),
+    ("capsule of no body", "[task]", '[[collisions.capsules]]\nbody = "hand"\nstart = [0, 0, 0]\nend = [0, 0, 0.1]\n'
+     "radius = 0.03\n[task]"),
+    ("capsule without an end", "[task]", '[[collisions.capsules]]\nbody = "elbow_joint"\nstart = [0, 0, 0]\n[task]'),
+    ("margin of zero", "clearance = 0.02", "margin = 0.0"),
+    ("links of wrong type", "clearance = 0.02", "links = 1"),
+    ("two obstacles of one name", "[[task.obstacles]]",
+     '[[task.obstacles]]\nname = "post"\nshape = "ball"\ncentre = [0, 0, 3]\nradius = 0.1\n[[task.obstacles]]'),
+    ("an obstacle named floor", '"post"', '"floor"'),
+    ("orientation of two angles", "to = { q = [1.6, -1.0, 1.2, -1.6, -1.5, 0.5] }",
+     "to = { tool = [0.1, 0.6, 0.3], orientation = [0, 0] }"),
+    ("orientation twice", "to = { q = [1.6, -1.0, 1.2, -1.6, -1.5, 0.5] }",
+     "to = { orientation = [0, 0, 0], orientation_deg = [0, 0, 0] }"),
+]  # fmt: skip

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from models import Joint, Kind, Link, cylindrical, robots, serial, spherical, torus
+from models import Joint, Kind, Link, Parameter, cylindrical, robots, serial, spherical, torus
 from models.effects import Gravity
 from models.forms import canonical
 from models.rigid_bodies import (
@@ -18,6 +18,7 @@ from models.rigid_bodies import (
     skeleton_shapes,
     with_shapes,
 )
+from models.rigid_bodies.region_distances import nearness, signed_distance
 from ocp import Ball, Box, Cylinder, HalfSpace, Problem, along, point_to_point, solve, uniform, verify
 
 
@@ -91,6 +92,59 @@ def test_what_is_allowed_between_the_nodes_is_the_margin(region):
     least = [next(iter(least_clearance(arm, one, [region]).values())) for one in nearest]
     assert 60 < np.count_nonzero(left >= 0.0) < 2940
     assert 0.02 - 1e-12 <= min(least) < 0.07  # balls along the capsule and rounded edges keep a few centimetres more
+
+
+@pytest.mark.parametrize(
+    "region",
+    [
+        Ball((0.1, 0.2, 0.3), 0.2),
+        Box((-0.5, -0.4, 0.0), (0.5, 0.4, 0.02)),
+        Box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)),
+        Cylinder((0.1, 0.0, 0.2), (0.3, 0.1, 1.0), 0.05, 0.8),
+        Cylinder((0.1, 0.0, 0.2), (0.0, 1.0, 1.0), 0.4, 0.1),
+        Cylinder((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1),
+        HalfSpace((0.0, 0.0, 0.1), (0.2, 0.0, 1.0)),
+    ],
+)
+@pytest.mark.parametrize("by", [0.02, 0.1])
+def test_nearness_is_reached_only_at_the_distance(region, by):
+    point = ca.SX.sym("point", 3)
+    ratio, scale = nearness(region, by, point)
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (40_000, 3))
+    apart = signed_distance(region)(points)
+    values = ca.Function("ratio", [point], [ratio]).map(len(points))(points.T).full().ravel()
+    assert np.min(apart[values >= 1.0]) >= by - 1e-9
+    # A spare distance as a share of the scale is not exceeded.
+    assert np.min(apart[values >= 1.0 - 0.01 / scale]) >= by - 0.01 - 1e-9
+    # What is excluded in excess is small: at most 5 % of the widest half, and 3 cm at corners.
+    assert np.max(apart[values < 1.0]) <= by + 0.05 * scale + 0.03
+
+
+def test_the_least_distance_from_a_corner_is_exact():
+    # The edge of a thin box is nearest between two of the points that are sampled along a capsule.
+    arm, post = planar(), Box((0.7062, 0.12, -1.0), (0.7063, 0.2, 1.0))
+    assert least_clearance(arm, [0.0, 0.0], [post])["Box_1"] == pytest.approx(0.07, abs=1e-12)
+    corners = [np.array([x, 0.12])[:, None] - _arm_points(-0.5) for x in (0.7062, 0.7063)]
+    apart = min(float(np.min(np.hypot(*one))) for one in corners) - 0.05
+    assert least_clearance(arm, [0.0, -0.5], {"post": post})["post"] == pytest.approx(apart, abs=1e-7)
+
+
+def _arm_points(turn):
+    share = np.linspace(0.0, 0.5, 1_000_001)
+    second = np.array([0.5 + share * np.cos(turn), share * np.sin(turn)])
+    return np.hstack([np.array([share, 0.0 * share]), second])
+
+
+def test_lines_of_a_skeleton_are_as_long_as_slides_let_them_be():
+    for within, length in ((None, 1.55), (((0, 0, 0, 0.5), (1, 1, 1, 0.9)), 0.75)):
+        shapes = skeleton_shapes(spherical(s_2=0.15), 0.05, within)
+        assert shapes[1].length == pytest.approx(max(length, 0.0) if within else 2.15, abs=1e-9)
+    with pytest.raises(ValueError, match="l_T: stays a symbol"):
+        skeleton_shapes(spherical(l_T=Parameter(0.4)), 0.05)
+    heavy = spherical(m_3=Parameter(15.0))
+    shaped = with_shapes(heavy, skeleton_shapes(heavy, 0.05))
+    assert least_clearance(shaped, [[0.5, 0.0, 0.0, 0.9]], floor=-2.0)["floor"] > 0.0
+    assert keep_clear(shaped, floor=-2.0)
 
 
 def test_what_is_allowed_between_the_nodes_for_floor_and_pairs():

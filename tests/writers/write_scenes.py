@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.extend(str(Path(__file__).resolve().parents[2] / folder) for folder in ("tests", "scripts"))
 
-from catalogue.broken_scenes import BROKEN, SOUND
+from catalogue.broken_scenes import BROKEN, BROKEN_ARM, SOUND, SOUND_ARM
 from reports import effect_budget as budget
 
 from models.scenes import task_file
@@ -57,15 +57,57 @@ executes nothing.
 | `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
 | `[limits]` | any signal along the motion: a number for both directions, or `{ lower = ..., upper = ... }` | effects |
 | `[task]` `from`, `to` | a position, at rest; or signals by name, `{ tool = [...] }`, `{ q = ..., v = ... }` | none |
+| `orientation` | of the tool of an arm, in such a point: `[roll, pitch, yaw]`, about the axes of the base | any |
 | `[task]` `via` | list of such points, passed in this order at any speed; a leg ends at each | none |
 | `[task]` `minimise` | `"time"`, or `{ time = ..., squares = { SIGNAL = ... }, integral = { ... } }` | `"time"` |
 | `[task]` `horizon` | free: `{ guess, lower, upper }`, fixed: a number; with `via` a list, one for each leg | free |
 | `[task]` `elements` | of the grid of each leg | 50 |
 | `[[task.obstacles]]` | `shape` (`ball`, `box`, `cylinder`, `half_space`) with its numbers | none |
-| `keep`, `signal` | of an obstacle: `"outside"` or `"inside"`; what keeps out of it | `"outside"`, `"tool"` |
+| `keep`, `signal`, `name` | `"outside"` or `"inside"`; what keeps out of it; in reports | `"outside"`, `"tool"` |
+| `[collisions]` `clearance` | distance of all links from the floor and from obstacles without a `signal` [m] | 0 |
+| `floor`, `links` | height of the floor [m]; `false`: obstacles are for the tool only | no floor, `true` |
+| `self`, `self_clearance` | `true`, or pairs of links `[["a", "b"]]` that do not touch; distance [m] | `false`, 0 |
+| `radius` | of capsules along the lines of the arm [m] | those of the arm |
+| `[[collisions.capsules]]` | further capsules: `body`, `start`, `end`, `radius` [m] | none |
+| `margin`, `cover` | distance kept beyond the clearance at the nodes; of spheres beyond the links [m] | 0.001, 0.02 |
 
 A limit on a signal that an effect limits already takes the place of the effect's. With a horizon for the whole motion
 and via points, only `guess` is given, and shared among the legs. The signals of a scene stand on its card.
+
+## Links, obstacles, goals of the tool
+
+With a table `[collisions]` all links keep clear, not the tool alone. UR5, UR10, Panda, the arm of three axes, and URDF
+files with boxes, cylinders and spheres have capsules; others get them along their lines with `radius`, or one by one
+with `[[collisions.capsules]]` (points from the mass centre of the body, in its axes). A start or a goal that touches
+something, or is nearer than the clearance, is refused at once, with both bodies and the distance. The account, the
+report and `--json` state the least distances of the motion found, measured between the nodes, with their times. The
+first body (line 1 of a skeleton) stands on the floor and is left out; `inside` is for the tool only.
+
+```toml
+machine = { robot = "ur5" }
+[effects.gravity]
+[limits]
+machine = true
+[collisions]
+clearance = 0.02        # m
+floor = 0.0             # m
+self = true
+[task]
+from = [0.0, -1.2, 1.4, -1.6, -1.5, 0.0]
+to = { tool = [-0.13, 0.69, 0.27], orientation_deg = [180.0, 0.0, 90.0] }
+elements = 30
+[[task.obstacles]]
+name = "post"
+shape = "cylinder"
+centre = [0.40, 0.46, 0.15]
+axis = [0.0, 0.0, 1.0]
+radius = 0.05
+length = 0.3
+```
+
+A goal of the tool has several positions of the joints; the first guess leads to the nearest one within the limits
+(`multistart`, or `--starts 6`, tries others). In Python it is `end(arm["tool"], point)` and
+`end(orientation_error(arm, rotation), 0)`, and `keep_clear(...)` for collisions, see [chains](chains.md).
 
 """
 
@@ -79,11 +121,12 @@ def example(name: str) -> str:
 def messages() -> list[tuple[str, str]]:
     """Return the message about every broken file."""
     results = []
-    for name, old, new in BROKEN:
-        try:
-            task_file.of_text(SOUND.replace(old, new, 1), "arm.toml")
-        except SceneError as error:
-            results.append((name, str(error)))
+    for sound, broken in ((SOUND, BROKEN), (SOUND_ARM, BROKEN_ARM)):
+        for name, old, new in broken:
+            try:
+                task_file.of_text(sound.replace(old, new, 1), "arm.toml")
+            except SceneError as error:
+                results.append((name, str(error)))
     return results
 
 
