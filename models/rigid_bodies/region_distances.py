@@ -44,10 +44,10 @@ def nearness(region: Region, by: float, point: ca.SX) -> tuple[ca.SX, float]:
     """
     wide = grown(region, by)
     faces = ca.vec(wide.within(point))
-    if isinstance(region, HalfSpace):
-        return faces, 1.0
-    if faces.numel() == 1:
+    if isinstance(wide, Ball | Cylinder) and faces.numel() == 1:
         return ca.sqrt(faces + TINY), float(wide.radius)
+    if faces.numel() == 1:
+        return faces, 1.0
     halves = _halves(region)
     turn = np.linspace(0.0, np.pi / 2.0, CORNERS)
     if len(halves) == 2:
