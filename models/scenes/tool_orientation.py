@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.rigid_bodies.tool_poses import axis_angle, orientation_error, rotation_matrix
+from models.rigid_bodies.orientations import axis_angle, rotation_matrix
+from models.rigid_bodies.tool_poses import orientation_error
 from models.scenes.toml_document import Table
 from ocp.problem.constraints import Constraint
 from ocp.system import Label, System

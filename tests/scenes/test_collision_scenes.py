@@ -13,7 +13,7 @@ from catalogue.broken_scenes import BROKEN_ARM, SOUND_ARM
 
 from models import inverse_kinematics, robots
 from models.rigid_bodies import least_clearance
-from models.rigid_bodies.tool_poses import rotation_matrix
+from models.rigid_bodies.orientations import rotation_matrix
 from models.scenes import task_file
 from models.scenes.toml_document import SceneError
 from ocp import Ball, Cylinder, solve, uniform
