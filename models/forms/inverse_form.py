@@ -86,6 +86,8 @@ def _drives(mechanics: Mechanics, a: ca.SX) -> ca.SX:
     tau = joint_torques(mechanics, a)
     v = mechanics.machine.v
     if terms.transmission is not None:
+        if any(not ca.depends_on(mechanics.machine.q, symbol) for symbol in ca.symvar(terms.transmission.motor_q)):
+            rate(tau)  # elastic joints, damped or not
         _, v, tau = terms.transmission.invert(tau, rate)
     if terms.source is not None:
         tau = next(iter(terms.source.invert(tau, v, rate).values())).expression

@@ -63,7 +63,8 @@ def test_motors_and_gears_that_have_no_states_follow():
 
 @pytest.mark.parametrize(
     ("effect", "named"),
-    [(ElasticDrive(1e4, 1.0), "elastic_drive"), (LaggedDrive(0.01), "lagged_drive"), (TorqueRate(100.0), "torque_rate"),
+    [(ElasticDrive(1e4, 1.0), "elastic_drive"), (ElasticDrive(1e4, 1.0, 0.5), "elastic_drive"),
+     (LaggedDrive(0.01), "lagged_drive"), (TorqueRate(100.0), "torque_rate"),
      (MotorDrive(0.05, 1.0, 1e-3, 100.0), "motor_drive"), (MotionLimits(jerk=3.0), "motion_limits")],
 )  # fmt: skip
 def test_drives_with_states_are_refused(effect, named):
