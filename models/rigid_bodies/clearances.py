@@ -155,7 +155,10 @@ def shapes_of(machine: Manipulator) -> tuple[Shape, ...]:
     """
     checks.instance("machine", machine, Manipulator, "a Manipulator with capsules")
     if not machine.shapes:
-        raise ValueError(f"machine: {machine.name} has no capsules; give them in its Links, or by with_shapes(...)")
+        raise ValueError(
+            f"machine: {machine.name} has no capsules; give them in its Links, or one along every line of its "
+            "skeleton by with_shapes(machine, skeleton_shapes(machine, radius))"
+        )
     return machine.shapes
 
 
