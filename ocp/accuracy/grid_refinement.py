@@ -22,6 +22,7 @@ NARROWEST = 1e-9  # share of the horizon
 MOST_PARTS = 4  # that an element is split into
 HIGHEST = 9  # degree
 LONGEST_RUN = 3  # neighbouring elements that one jump of a control may disturb
+GROWN = 2.0  # times as many elements from which constant controls without bounds become linear instead
 ISOLATED = 0.34  # an element of a run is narrow below this share of the run
 
 
@@ -68,7 +69,16 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
     nodes = np.unique(np.concatenate([ends[kept], added]))
     apart = np.append(True, np.diff(nodes) > NARROWEST)
     apart[-1] = True
+    if np.sum(apart) - 1 > GROWN * count and scheme.control is Control.CONSTANT and _without_bounds(solution):
+        return FAMILIES[scheme.name](scheme.degree, Control.SEGMENTS), solution.grid
     return scheme, Grid(nodes[apart])
+
+
+def _without_bounds(solution: Solution) -> bool:
+    """Return whether controls have no bounds: limits of expressions hold them, so that they vary while at a limit."""
+    assert solution.problem is not None
+    sides = solution.problem.limits(Where.ALONG, solution.problem.system.u)
+    return bool(np.any(~np.isfinite(sides)))
 
 
 def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float]]]:

@@ -142,7 +142,7 @@ def _steps(
             met = _met(finished)
         grid, reason = result.grid, "the tolerance is met" if met else "" if usable else result.status.value
         if not reason:
-            scheme, grid = refine(result, task.wanted, errors)
+            scheme, grid = (result.scheme, grid) if _met(step) else refine(result, task.wanted, errors)
             grid = with_nodes(grid, collides)
             reason = _reason_to_stop(task, time.perf_counter() - begun, (len(result.grid), grid), history)
         if not reason:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
-from ocp.problem.constraints import Where, single_symbols
+from ocp.problem.constraints import Constraint, Where, single_symbols
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
 from ocp.solution.figure import Figure
 from ocp.solution.limit_scales import Limited, limit_scale
 from ocp.solution.solution import Solution
 from ocp.solution.state_scales import scales_of_states
+from ocp.system import System
 from ocp.transcription.schemes.scheme import Control
 
 __all__ = ["Figure", "between_points", "excess", "touched"]
@@ -57,7 +59,11 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
 
 
 def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -> dict[str, list[tuple[int, float]]]:
-    """Return where nonlinear limits of states, such as obstacles, are exceeded between the nodes.
+    """Return where limits are exceeded between the nodes by more than finer elements would leave.
+
+    These are nonlinear limits of states, such as obstacles; limits on expressions of controls, if some controls have no
+    bounds, unless these are collocated and overshoot at a switch on any grid; and bounds of states if controls are
+    linear on each element.
 
     Args:
         solution: with finite states.
@@ -69,19 +75,18 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
     """
     results: dict[str, list[tuple[int, float]]] = {}
     system = problem.system
+    free = bool(np.any(~np.isfinite(problem.limits(Where.ALONG, system.u))))
     chosen = [
-        constraint
+        (constraint, components)
         for constraint in problem.subject_to
         if constraint.where is Where.ALONG
-        and len(single_symbols(constraint, system)) < constraint.expression.numel()
-        and not ca.depends_on(constraint.expression, system.u)
-        and any(ca.which_depends(constraint.expression, system.x, 2, True))
+        and (components := _watched(constraint, system, solution.scheme.control, free))
     ]
     scale = scales_of_states(solution, problem)[0] if chosen else np.zeros(0)
-    for constraint in chosen:
+    for constraint, components in chosen:
         limited = Limited(constraint, system, solution.parameters, scale)
         search = _Search(solution, limited)
-        for c in filter(limited.nonlinear, range(constraint.expression.numel())):
+        for c in components:
             element, tau, amount, x = search.peaks(c, 0.0)
             if not len(element) or np.max(amount) <= 0.0:
                 continue
@@ -93,6 +98,24 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
             if points:
                 results[problem.labels(constraint)[c].name] = points
     return results
+
+
+@functools.lru_cache(maxsize=64)
+def _watched(constraint: Constraint, system: System, control: Control, free: bool) -> tuple[int, ...]:
+    """Return the components that `passed_between_nodes` looks at, for a shape of controls with or without bounds."""
+    bounds = {c: kind for kind, _, c in single_symbols(constraint, system)}
+    chosen = []
+    for c in range(constraint.expression.numel()):
+        part = constraint.expression[c]
+        if c in bounds:
+            watched = bounds[c] == 0 and control is Control.SEGMENTS
+        elif ca.depends_on(part, system.u):
+            watched = free and control is not Control.COLLOCATED
+        else:
+            watched = control is Control.SEGMENTS or any(ca.which_depends(part, system.x, 2, True))
+        if watched:
+            chosen.append(c)
+    return tuple(chosen)
 
 
 class _Search:
