@@ -37,10 +37,10 @@ def gentlest(
 
     J + weight J* / T* integral of sum_i (u_i / limit_i)^2 dt, J* and T* those of the given solution,
 
-    over the limited controls that enter the Hamiltonian linearly. While one drive of a machine sets the time, the
-    others have infinitely many optimal controls; the effort picks the smooth one. The cost J rises by at most
-    weight times the share of the effort that is saved, and no motion of that J has less effort: a solve with the
-    duration held there has the same result, but takes more iterations.
+    over the limited controls that enter the Hamiltonian linearly, or the limited expressions of those without bounds.
+    While one drive of a machine sets the time, the others have infinitely many optimal controls; the effort picks the
+    smooth one. The cost J rises by at most weight times the share of the effort that is saved, and no motion of that J
+    has less effort: a solve with the duration held there has the same result, but takes more iterations.
 
     Args:
         solution: solved, of a Problem or a Sequence.
@@ -78,10 +78,10 @@ def gentle(problem: Problem, weight: float = GENTLE) -> Problem:
 
     c T + weight c integral of mean_i (u_i / limit_i)^2 dt, c the weight of the time,
 
-    over the limited controls that enter the Hamiltonian linearly. While one drive of a machine sets the time, the
-    others have infinitely many optimal controls, among which a solver wanders: with many axes and speed limits this
-    problem takes a fraction of the iterations. The duration rises by at most weight times the share of the effort that
-    is saved.
+    over the limited controls that enter the Hamiltonian linearly, or the limited expressions of those without bounds.
+    While one drive of a machine sets the time, the others have infinitely many optimal controls, among which a solver
+    wanders: with many axes and speed limits this problem takes a fraction of the iterations. The duration rises by at
+    most weight times the share of the effort that is saved.
 
     Args:
         problem: with a cost on the duration.
@@ -96,9 +96,11 @@ def gentle(problem: Problem, weight: float = GENTLE) -> Problem:
     cost = problem.minimise
     if not cost.time > 0.0:
         raise ValueError("gentle: the cost has no weight of the duration, expected a problem such as minimum time")
-    if len(undetermined(problem)) == 0:
+    shares = effort_shares(problem)
+    if not shares.numel():
         raise ValueError("gentle: the cost determines all limited controls already; solve the problem as it is")
-    return replace(problem, minimise=replace(cost, running=cost.running + weight * cost.time * _effort(problem)))
+    effort = ca.sumsqr(shares) / shares.numel()
+    return replace(problem, minimise=replace(cost, running=cost.running + weight * cost.time * effort))
 
 
 def slack(problem: Problem, solution: Solution) -> str:
@@ -156,17 +158,32 @@ def with_effort(problem: Problem, solution: Solution, weight: float) -> Problem:
         solution: sets the scale, J* / T*.
         weight: share of the cost.
     """
-    if len(undetermined(problem)) == 0:
+    shares = effort_shares(problem)
+    if not shares.numel():
         return problem
     share = weight * max(abs(solution.cost), abs(problem.minimise.time) * solution.duration) / solution.duration
-    effort, cost = _effort(problem), problem.minimise
-    return replace(problem, minimise=Bolza(cost.time, cost.running + share * effort, cost.final))
+    cost = problem.minimise
+    running = cost.running + share * ca.sumsqr(shares) / shares.numel()
+    return replace(problem, minimise=Bolza(cost.time, running, cost.final))
 
 
-def _effort(problem: Problem) -> ca.SX:
-    """Return the mean of (u_i / limit_i)^2 of the undetermined controls."""
-    chosen, limit, u = undetermined(problem), scales(problem), problem.system.u
-    return sum((((u[int(i)] / limit[i]) ** 2) for i in chosen), ca.SX(0)) / len(chosen)
+def effort_shares(problem: Problem) -> ca.SX:
+    """Return the shares (n,) of their limits that undetermined controls use; nothing if the cost determines all.
+
+    Where a control that the Hamiltonian is linear in has no bounds, they are those of the expressions that hold it,
+    such as torques with accelerations as controls.
+    """
+    limit, u = scales(problem), problem.system.u
+    shares = [u[int(i)] / limit[i] for i in undetermined(problem)]
+    curvature = hamiltonian_of(problem).curvature
+    free = [i for i in range(u.numel()) if not np.isfinite(limit[i]) and ca.SX(curvature[i, i]).is_zero()]
+    for constraint in problem.subject_to if free else ():
+        for c in range(constraint.expression.numel()) if constraint.where is Where.ALONG else ():
+            largest = max(abs(constraint.lower[c]), abs(constraint.upper[c]))
+            part = constraint.expression[c]
+            if np.isfinite(largest) and largest > 0.0 and ca.depends_on(part, u[free]):
+                shares.append(part / largest)
+    return ca.vertcat(ca.SX(0, 1), *shares)
 
 
 def without_effort(result: Solution, problem: Problem) -> Solution:

@@ -20,7 +20,7 @@ from models.effects import (
     Viscous,
 )
 from models.forms import canonical, inverse, lagrange
-from ocp import Control, Ipopt, point_to_point, polish, smooth, solve, solve_to_accuracy, uniform, verify
+from ocp import Control, Ipopt, gentle, point_to_point, polish, smooth, solve, solve_to_accuracy, uniform, verify
 from ocp.accuracy.control_shape import scheme_for
 
 QUIET = Ipopt(progress=False)
@@ -122,13 +122,37 @@ def test_the_smooth_guess_lasts_long_enough_for_all_limits():
     assert guess.duration < 6.0
 
 
+def test_gentle_reduces_the_torques_that_hold_the_accelerations():
+    machine = robots.arm_3r()
+    arm = inverse(machine, [Gravity()])
+    problem = point_to_point(arm, [0.0, 0.0, 0.0], [1.5, 0.8, -0.9], tau=[60.0, 60.0, 20.0], v=[1.5, 1.0, 1.5])
+    assert scheme_for(gentle(problem)).control is Control.CONSTANT
+    fast, soft = solve(problem, grid=uniform(20), solver=QUIET), solve(gentle(problem), grid=uniform(20), solver=QUIET)
+    efforts = []
+    for solution in (fast, soft):
+        shares = solution.signal("tau", np.linspace(0.0, solution.duration, 2001)) / [60.0, 60.0, 20.0]
+        efforts.append(solution.duration * np.mean(shares**2))
+    assert -1e-9 < soft.duration - fast.duration < 0.01 * (efforts[0] - efforts[1]) + 1e-9
+    assert efforts[1] < 0.95 * efforts[0]
+
+
+@pytest.mark.slow
+def test_torque_limited_motions_are_refined_with_linear_accelerations():
+    arm = inverse(spherical(), [Gravity()])
+    problem = point_to_point(arm, [0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], limits=SPHERICAL)
+    *_, best = solve_to_accuracy(problem, 1e-3, solver=QUIET)
+    assert best.accuracy.met
+    assert best.scheme.control is Control.SEGMENTS
+    assert verify(best).ok
+    assert 0.0 < best.duration - 0.680912352604 < best.accuracy.error
+
+
 @pytest.mark.slow
 def test_polish_finds_the_optimum_of_the_canonical_form():
     """t_f = 0.680912352604 s, from switching times as unknowns in canonical form by two schemes (docs/accuracy.md)."""
     arm = inverse(spherical(), [Gravity()])
     problem = point_to_point(arm, [0.9, 0.0, 0.0, 0.85], [1.6, 2.0, 0.5, 0.9], limits=SPHERICAL)
-    *_, refined = solve_to_accuracy(problem, 5e-3, solver=QUIET)
-    best = polish(refined, seconds=60.0)
+    best = polish(solve(problem, grid=uniform(100), solver=QUIET), seconds=60.0)
     assert best.structure is not None, best.message
     assert best.duration == pytest.approx(0.680912352604, abs=1e-10)
 
