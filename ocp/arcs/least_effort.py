@@ -170,8 +170,7 @@ def with_effort(problem: Problem, solution: Solution, weight: float) -> Problem:
 def effort_shares(problem: Problem) -> ca.SX:
     """Return the shares (n,) of their limits that undetermined controls use; nothing if the cost determines all.
 
-    Where a control that the Hamiltonian is linear in has no bounds, they are those of the expressions that hold it,
-    such as torques with accelerations as controls.
+    Where a control that the Hamiltonian is linear in has no bounds, they are those of the expressions that hold it.
     """
     limit, u = scales(problem), problem.system.u
     shares = [u[int(i)] / limit[i] for i in undetermined(problem)]
