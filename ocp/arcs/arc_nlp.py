@@ -6,7 +6,6 @@ import contextlib
 import io
 import time
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from ocp.arcs.arcs import durations
 from ocp.arcs.junctions import Junction, junctions_of
 from ocp.arcs.null_space_newton import Equations, as_equations
 from ocp.arcs.optimality_check import Crossing
-from ocp.arcs.simultaneous_switches import chosen_multipliers
+from ocp.arcs.simultaneous_switches import chosen_multipliers, simultaneous
 from ocp.arcs.state_limit_multipliers import LimitCondition, adjoin_directly, pressed_elements
 from ocp.checks import Array
 from ocp.problem.constraints import Where
@@ -131,7 +130,7 @@ class ArcNlp:
         begun = time.perf_counter()
         sides = self.sides()
         low, high, rows_low, rows_high = sides
-        if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * _simultaneous(self.arcs):
+        if np.sum(rows_low == rows_high) - np.sum(low < high) > 2 * simultaneous(self.arcs):
             # More equations than unknowns, and no simultaneous switches that could make some equations dependent.
             nothing, reason = np.zeros(len(rows_low)), "fewer unknowns than conditions"
             result = NlpResult(z0, nothing, np.zeros(len(z0)), np.nan, Status.INFEASIBLE, reason, 0, 0.0, 0.0, {})
@@ -276,20 +275,16 @@ def prepare_arcs(
         shares: (N,) width of each element, share of the duration of its arc; None for equal ones.
         tied: whether widths of elements are unknowns, tied together within arcs: sparser with many elements.
     """
-    begun = time.perf_counter()
+    begun, clock = time.perf_counter(), time.process_time()
     whole = transcribe_arcs(task, arcs, elements, guess, weight, effort, limited, shares, tied)
     whole = whole if limited else whole.unlimited()
     if any(junction.flat for junction in whole.junctions):
         settings = replace(settings, extra={**FLAT, **settings.extra})
+    if "max_cpu_time" in settings.extra:  # transcription is part of it
+        left = settings.extra["max_cpu_time"] - time.process_time() + clock
+        settings = replace(settings, extra={**settings.extra, "max_cpu_time": max(left, 0.01)})
     solver = None if whole.equations else physical_solver(whole.nlp.scaled, settings)
     return replace(whole, solver=solver, setup=time.perf_counter() - begun, spread=spread, drawn_in=drawn_in)
-
-
-def _simultaneous(arcs: tuple[Arc, ...]) -> int:
-    """Return the number of switches that coincide with another one."""
-    pairs = pairwise(arcs)
-    changes = [sum(a is not b for a, b in zip(one.kinds, other.kinds, strict=True)) for one, other in pairs]
-    return sum(max(count - 1, 0) for count in changes)
 
 
 def _grid(durations: Array, arc: Array, widths: Array) -> Grid:

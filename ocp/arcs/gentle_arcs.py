@@ -11,7 +11,7 @@ from ocp.arcs.arc_nlp import prepare_arcs
 from ocp.arcs.arc_problems import ArcMotion, ArcProblem
 from ocp.arcs.arcs import durations, elements_of
 from ocp.arcs.loose_arcs import active_limits, freed, held_exactly, read_loosely, with_active_limits, without_islands
-from ocp.arcs.optimality_check import Certificate, Crossing, certify, complaint
+from ocp.arcs.optimality_check import Certificate, Crossing, certify, complaint, crossings_of
 from ocp.arcs.revision import starts_of, with_saturated, without_vanished
 from ocp.arcs.settling import OVERSHOOT, Attempt, Budget, overshoot, settle
 from ocp.checks import Array
@@ -36,14 +36,15 @@ SMALL = 2e-7  # wanted gain on an element, share of the cost
 PARTS = 4  # most parts that an element is divided into at once
 MOST_ELEMENTS = 120
 LEAST = 0.1  # width of an element that remains of one where an arc begins, share of the least width around
-ROUNDS, MORE = 7, 3  # NLPs for one reading, and from the first on that may be returned
+ELSEWHERE = 1e-3  # gain of one NLP, share of the cost, that shows that the given motion was no local optimum
+ROUNDS, MORE = 8, 4  # NLPs for one reading, and from the first on that may be returned
 SHARPER, FEW = 2, 30  # NLPs with state limits held by equations, and their iterations
 AROUND = 2  # elements beside a limit that is held, on which it presses as well
 SAMPLES = 16  # of the guess on every element
 ITERATIONS, TOL = 100, 1e-7
 START = {
-    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-6),
-    "mu_init": 1e-6, "constr_viol_tol": 1e-9, "mumps_permuting_scaling": 0, "mumps_scaling": 0,
+    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-8),
+    "mu_init": 1e-8, "constr_viol_tol": 1e-9, "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
 
 
@@ -108,13 +109,14 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
     """
     loose = replace(task, scheme=coarse.scheme)
     arcs = read_loosely(task.problem, coarse)
-    ends = _divided(coarse.grid.ends * coarse.duration, _parts(coarse.error))
+    ends, crossings = coarse.grid.ends * coarse.duration, crossings_of(loose, coarse)
+    ends = _divided(ends, _parts_where_exceeded(crossings, ends, _parts(coarse.error)))
     now = _Step(arcs, ends, from_solution(coarse, SAMPLES), ())
     rate, iterations = abs(coarse.cost) / coarse.duration, 0
     best: _Judged | None = None
     near: _Judged | None = None  # that keeps its limits, whatever may be gained
     sharper, more = SHARPER, MORE
-    reason = "the structure does not settle"
+    reason, cheaper = "the structure does not settle", None
     begin = replace(settings, tol=TOL, max_iter=ITERATIONS, extra={**settings.extra, **START})
     for count in range(ROUNDS):
         if budget.left <= 0.0:
@@ -127,6 +129,9 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
         )  # fmt: skip
         motion = nlp.solve(nlp.start(now.guess, durations(now.arcs)))
         iterations += motion.result.iterations
+        if motion.result.cost < coarse.cost - ELSEWHERE * abs(coarse.cost):
+            cheaper = motion.solution(loose, coarse)
+            break
         if motion.result.status is not Status.SOLVED:
             reason = f"the NLP of the arcs read is not solved ({motion.result.verbatim})"
             break
@@ -136,7 +141,7 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
             near = judged
         if judged.acceptable and (best is None or judged.score < best.score):
             best = judged
-        if judged.certificate.gap <= GENTLE and sharper:
+        if judged.certificate.gap <= GENTLE and judged.drift <= MOST_DRIFT and sharper:
             sharper -= 1
             better = _sharpened(task, loose, judged, coarse, settings, budget)
             if better is not None:
@@ -146,11 +151,11 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
             break
         now = _next(loose, judged, now)
     if near is None:
-        return Attempt(None, None, reason, iterations, loose)
+        return Attempt(None, None, reason, iterations, loose, cheaper)
     chosen = best or near
     motion = replace(chosen.motion, arcs=with_active_limits(loose, chosen.motion))
     reason = "" if best else complaint(loose, chosen.certificate)
-    return Attempt(motion, chosen.certificate, reason, iterations, loose)
+    return Attempt(motion, chosen.certificate, reason, iterations, loose, cheaper)
 
 
 def _sharpened(
@@ -200,12 +205,18 @@ def _next(task: ArcProblem, judged: _Judged, now: _Step) -> _Step:
         parts = np.where(certificate.gains > SMALL, 2, parts)
     if judged.drift > DRIFT:
         parts = np.maximum(parts, _parts(solution.error))
-    for crossing in certificate.crossings:
-        inside = (ends[1:] > crossing.start) & (ends[:-1] < crossing.end) & (crossing.share > LARGE)
-        parts = np.where(inside, np.maximum(parts, 3), parts)
+    parts = _parts_where_exceeded(certificate.crossings, ends, parts)
     small = [c for c in certificate.crossings if EXCESS / 10.0 < c.share <= LARGE]
     drawn = (*now.crossings, *(replace(c, share=TIGHTER * c.share) for c in small))
     return _Step(arcs, _divided(ends, parts), from_solution(solution, SAMPLES), drawn)
+
+
+def _parts_where_exceeded(crossings: tuple[Crossing, ...], ends: Array, parts: Array) -> Array:
+    """Return into how many parts elements are divided, at least three where a state limit is exceeded inside."""
+    for crossing in crossings:
+        inside = (ends[1:] > crossing.start) & (ends[:-1] < crossing.end) & (crossing.share > LARGE)
+        parts = np.where(inside, np.maximum(parts, 3), parts)
+    return parts
 
 
 def _parts(error: Array) -> Array:

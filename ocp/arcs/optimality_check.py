@@ -14,6 +14,7 @@ from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
 from ocp.numerics.evaluation import mapped
 from ocp.problem.constraints import Where
+from ocp.solution.solution import Solution
 from ocp.solution.structure import Arc, Contact, Kind
 from ocp.transcription.schemes.scheme import Scheme
 
@@ -135,7 +136,7 @@ def certify(task: ArcProblem, motion: ArcMotion) -> Certificate:
     )
     held = ((k, c, len(task.chain(c)) - 1) for k, arc in enumerate(motion.arcs) for c in arc.held if c.control >= 0)
     released += tuple((k, c) for k, c, order in held if order >= 3 and order % 2 and c.control not in task.singular)
-    return Certificate(float(each.sum()), signs, _crossings(task, motion), jumps, released, each)
+    return Certificate(float(each.sum()), signs, crossings_of(task, motion), jumps, released, each)
 
 
 def _seconds(motion: ArcMotion, arc: int, scheme: Scheme) -> Array:
@@ -252,8 +253,13 @@ def _smoothed(
     return shares.reshape(n * len(tau), -1), gains.reshape(n * len(tau), -1)
 
 
-def _crossings(task: ArcProblem, motion: ArcMotion) -> tuple[Crossing, ...]:
-    """Return where state limits are exceeded, between the nodes as well."""
+def crossings_of(task: ArcProblem, motion: ArcMotion | Solution) -> tuple[Crossing, ...]:
+    """Return where state limits are exceeded, between the nodes as well, the worst first.
+
+    Args:
+        task: the problem, with the scheme of the motion.
+        motion: any motion.
+    """
     limits, scheme = task.limits, task.scheme
     if not limits:
         return ()

@@ -14,7 +14,7 @@ from ocp import checks
 from ocp.arcs.arc_problems import ArcProblem, arc_problem
 from ocp.arcs.control_limits import curved_limit
 from ocp.arcs.detection import read
-from ocp.arcs.gentle_arcs import EXCESS, settle_gently
+from ocp.arcs.gentle_arcs import ELSEWHERE, EXCESS, settle_gently
 from ocp.arcs.least_effort import gentlest, slack, with_effort, without_effort
 from ocp.arcs.moving_grid import SETTINGS as MOVING
 from ocp.arcs.moving_grid import move_grid
@@ -29,6 +29,7 @@ from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.structure_table import tabulate
 from ocp.solution.violations import between_points
 from ocp.solving.ipopt import Ipopt
+from ocp.solving.solver import solve
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.gauss_legendre import legendre
 from ocp.transcription.schemes.radau_iia import radau
@@ -41,6 +42,8 @@ LAST = 0.5  # seconds left, below which no further grid is moved
 MOST = 60  # elements of a moved grid
 MANY = 14  # arcs that are not read from the given grid, where only time counts
 FIRST = 0.3  # of the seconds, given to the structure read from the given grid, where only time counts
+SPENT = 0.97  # of the seconds, after which nothing is begun
+LEAST = 1e-3  # seconds at least
 PART, REST = 0.3, 0.95  # of the seconds left, given to the structures read from a moved grid
 KEPT, EFFORT_SOLVES = 0.15, 2.0  # share of the seconds, and solves as long as the given one, kept for least effort
 DEARER = 1e-5  # share of the cost that least effort may cost
@@ -111,13 +114,18 @@ def polish(
     allowed, iterations, reason = solution.cost + _doubt(problem, solution), 0, ""
     open_controls = slack(problem, solution) if _timed(problem) else ""
     kept = min(KEPT * seconds, EFFORT_SOLVES * solution.timings.total) if open_controls else 0.0
-    budget = Budget(seconds - kept, sys.stderr.isatty() if settings.progress is None else settings.progress)
+    whole = Budget(seconds, sys.stderr.isatty() if settings.progress is None else settings.progress)
+    budget = replace(whole, seconds=SPENT * seconds - kept)
     latest, near, curved = solution, solution, curved_limit(problem)
     if curved:
         reason = f"{curved} is curved in several controls; arcs are those of controls at bounds and of linear limits"
     for motion, tried in () if curved else _attempts(task, solution, settings, budget):
         latest, reason = motion, tried.reason or reason
         iterations += tried.iterations
+        better = solution if tried.cheaper is None else _better(solution, tried.cheaper, whole)
+        if better is not solution:
+            result = polish(better, problem, scheme, solver, seconds=max(whole.left, LEAST))
+            return _from_better(result, better, solution, (iterations, time.perf_counter() - begun))
         if tried.motion is None or tried.certificate is None:
             continue
         cost = tried.motion.result.cost - tried.motion.penalty
@@ -133,15 +141,17 @@ def polish(
             near = found
         else:
             budget.show("")
-            return _polished(solution, tried, (iterations, time.perf_counter() - begun))
+            result = _polished(solution, tried, (iterations, time.perf_counter() - begun))
+            loosely = tried.task.loose(tried.motion.arcs)
+            return replace(result, message=f"{result.message}{_eased(open_controls) if loosely else ''}")
     if budget.left <= 0.0:
-        reason = f"{reason or 'no structure found'} (within {seconds:g} s)"
+        reason = f"{reason or 'no structure found'} (within {seconds:.3g} s)"
     if near is not solution and near.cost < solution.cost:
         budget.show("")
-        return _unpolished(_with_gain(near, solution), reason)
+        return _unpolished(_with_gain(near, solution), f"{reason}{_eased(open_controls)}")
     result = _on_moved_grid(solution, latest, problem, budget)
     if open_controls:
-        result, words = _with_least_effort(result, problem, replace(budget, seconds=seconds))
+        result, words = _with_least_effort(result, problem, whole)
         reason = f"{reason}; {open_controls}{words}"
     budget.show("")
     return _unpolished(result, reason)
@@ -157,6 +167,30 @@ def _with_least_effort(result: Solution, problem: Problem, budget: Budget) -> tu
         return result, "; gentlest(...) does"
     words = f"; it is that of least effort here, at {max(dearer, 0.0):.1e} of the cost"
     return replace(eased, message=result.message), words
+
+
+def _better(solution: Solution, guess: Solution, budget: Budget) -> Solution:
+    """Return a local optimum of much lower cost than that of a solution, found from a guess; else the solution."""
+    if budget.left <= 0.0:
+        return solution
+    budget.show("a better local optimum")
+    settings = budget.limited(Ipopt(progress=False))
+    assert solution.problem is not None
+    found = solve(solution.problem, solution.scheme, solution.grid, settings, guess, solution.values)
+    return found if found.ok and found.cost < solution.cost - ELSEWHERE / 2.0 * abs(solution.cost) else solution
+
+
+def _from_better(result: Solution, better: Solution, given: Solution, spent: tuple[int, float]) -> Solution:
+    """Return what became of a better local optimum, with the work before it and what to say of it."""
+    gain, (iterations, seconds) = (given.cost - better.cost) / max(abs(given.cost), 1e-300), spent
+    words = f"; the given motion was no local optimum, that near it has a cost lower by {gain:.1e}"
+    iterations += better.iterations + (result.iterations if result.structure is not None else 0)
+    timings = replace(result.timings, setup=seconds - result.timings.total + result.timings.setup, total=seconds)
+    return replace(result, message=f"{result.message}{words}", iterations=iterations, timings=timings)
+
+
+def _eased(open_controls: str) -> str:
+    return f"; {open_controls}; these are kept near those of least effort" if open_controls else ""
 
 
 def _attempts(

@@ -97,13 +97,22 @@ class Budget:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """The result of one detection and the revisions that followed: a motion that meets all conditions, or a reason."""
+    """The result of one detection and the revisions that followed: a motion that meets all conditions, or a reason.
+
+    Args:
+        motion, certificate: None if no NLP was solved.
+        reason: why it is not sound; empty if it is.
+        iterations: of all NLPs.
+        task: the problem, with the scheme of the motion.
+        cheaper: guess of a much better local optimum, towards which the solver moved.
+    """
 
     motion: ArcMotion | None
     certificate: Certificate | None
     reason: str
     iterations: int
     task: ArcProblem
+    cheaper: Solution | None = None
 
 
 def settle(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import casadi as ca
 import numpy as np
 
@@ -15,6 +17,13 @@ from ocp.transcription.nlp import Nlp
 BOUNDS = (Kind.LOWER, Kind.UPPER)
 SMALL = 800  # equations up to which dependent ones are looked for where there are enough unknowns
 Sides = tuple[Array, Array, Array, Array]
+
+
+def simultaneous(arcs: tuple[Arc, ...]) -> int:
+    """Return the number of switches that coincide with another one."""
+    pairs = pairwise(arcs)
+    changes = [sum(a is not b for a, b in zip(one.kinds, other.kinds, strict=True)) for one, other in pairs]
+    return sum(max(count - 1, 0) for count in changes)
 
 
 def chosen_multipliers(
