@@ -19,12 +19,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("results", type=Path, help="file of results, one JSON object a line")
     parser.add_argument("--tasks", type=int, default=20, metavar="N", help="random tasks of each robot (default 20)")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of processor time for each polish (default 20)")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of processor time for each polish (default 30)")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="motions whose names begin with these")
     options = parser.parse_args()
     done = {row["name"] for row in _rows(options.results)}
     for motions, run in ((named_motions(), run_named), (random_motions(options.tasks), run_random)):
         for motion in motions:
-            if motion.name in done:
+            if motion.name in done or not motion.name.startswith(tuple(options.only)):
                 continue
             row = {"name": motion.name, **run(motion, options.seconds)}
             with options.results.open("a", encoding="utf-8") as file:

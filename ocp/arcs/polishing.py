@@ -142,8 +142,8 @@ def polish(
         else:
             budget.show("")
             result = _polished(solution, tried, (iterations, time.perf_counter() - begun))
-            loosely = tried.task.loose(tried.motion.arcs)
-            return replace(result, message=f"{result.message}{_eased(open_controls) if loosely else ''}")
+            left = slack(problem, result) if open_controls and tried.task.loose(tried.motion.arcs) else ""
+            return replace(result, message=f"{result.message}{_eased(left)}")
     if budget.left <= 0.0:
         reason = f"{reason or 'no structure found'} (within {seconds:.3g} s)"
     if near is not solution and near.cost < solution.cost:
