@@ -12,6 +12,7 @@ from ocp.arcs.control_limits import sides_of
 from ocp.arcs.limit_arcs import contacts
 from ocp.arcs.switching import switching_functions
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
 from ocp.problem.problem import Bolza, Problem
@@ -27,6 +28,7 @@ from ocp.solving.solver import solve
 WEIGHT = 1e-4  # of the effort of all controls at their limits, share of the cost
 GENTLE = 1e-2  # the same where few iterations matter more
 NAMED = 0.05  # share of the motion from which it is named: switches take some of it
+LOOSE = 0.1  # length of the share of a control that no limit holds, from which it is open
 SLACK, INSIDE = 1e-2, 0.98  # shares: a switching function below that of its scale vanishes, a control of its limit
 
 
@@ -106,7 +108,8 @@ def gentle(problem: Problem, weight: float = GENTLE) -> Problem:
 def slack(problem: Problem, solution: Solution) -> str:
     """Return a sentence on controls that the cost does not determine for a part of the motion; empty if there are none.
 
-    Such a control is between its limits while its switching function vanishes, and holds no limit.
+    Such a control is between its limits while its switching function vanishes, and holds no limit; one without bounds
+    is open while the limits that are met, of expressions and states, do not determine it.
     """
     _, x, _, u = solution.samples(solution.scheme.points)
     functions = switching_functions(problem, x, u, solution.costates.reshape(len(x), -1), solution.parameters)
@@ -118,10 +121,35 @@ def slack(problem: Problem, solution: Solution) -> str:
     loose &= ~_holding(problem, solution, u.shape)
     labels = problem.system.label("u", u.shape[1])
     parts = [(float(weights @ loose[:, i]), labels[i].name) for i in undetermined(problem)]
+    parts += _free_controls(problem, x, u, weights, solution.parameters)
     named = [f"{name} ({share:.0%})" for share, name in sorted(parts, reverse=True) if share > NAMED]
     if not named:
         return ""
     return f"the cost does not determine {', '.join(named)} of the motion"
+
+
+def _free_controls(problem: Problem, x: Array, u: Array, weights: Array, p: Array) -> list[tuple[float, str]]:
+    """Return share of the motion and name of the controls without bounds that the limits met leave open, at K points.
+
+    Every limit that is met holds a combination of controls, the gradient of its first derivative that depends on them;
+    a control is open if it can change along all of these.
+    """
+    system, limits = problem.system, state_limits(problem)
+    free = np.flatnonzero(~np.isfinite(scales(problem)))
+    if not held_expressions(problem):
+        return []
+    values, last = (ca.vertcat(*(one.chain[k] for one in limits)) for k in (0, -1))
+    outputs = [ca.densify(values), ca.densify(ca.jacobian(last, system.u).T)]
+    function = ca.Function("limits", [system.x, system.u, system.p], outputs)
+    reached, slopes = evaluate(function, x, u, p)
+    low, high, margin = np.array([(one.lower, one.upper, (1.0 - INSIDE) / 2.0 * one.range) for one in limits]).T
+    met = (reached <= low + margin) | (reached >= high - margin)
+    rows = slopes.reshape(*met.shape, -1)
+    rows = rows / np.maximum(np.max(np.abs(rows), axis=(0, 2)), 1e-300)[:, None] * met[:, :, None]
+    left = np.eye(u.shape[1]) - np.linalg.pinv(rows, rcond=1e-6) @ rows  # projection on what no limit holds
+    loose = np.linalg.norm(left, axis=2) > LOOSE
+    labels = system.label("u", u.shape[1])
+    return [(float(weights @ loose[:, i]), labels[i].name) for i in free]
 
 
 def _holding(problem: Problem, solution: Solution, shape: tuple[int, ...]) -> Array:
@@ -173,16 +201,22 @@ def effort_shares(problem: Problem) -> ca.SX:
     Where a control that the Hamiltonian is linear in has no bounds, they are those of the expressions that hold it.
     """
     limit, u = scales(problem), problem.system.u
-    shares = [u[int(i)] / limit[i] for i in undetermined(problem)]
-    curvature = hamiltonian_of(problem).curvature
+    own = [u[int(i)] / limit[i] for i in undetermined(problem)]
+    return ca.vertcat(ca.SX(0, 1), *own, *(share for _, share in held_expressions(problem)))
+
+
+def held_expressions(problem: Problem) -> list[tuple[str, ca.SX]]:
+    """Return name and share of its limits of every expression that holds a control without bounds, linear in H."""
+    limit, u = scales(problem), problem.system.u
+    curvature, held = hamiltonian_of(problem).curvature, []
     free = [i for i in range(u.numel()) if not np.isfinite(limit[i]) and ca.SX(curvature[i, i]).is_zero()]
     for constraint in problem.subject_to if free else ():
         for c in range(constraint.expression.numel()) if constraint.where is Where.ALONG else ():
             largest = max(abs(constraint.lower[c]), abs(constraint.upper[c]))
             part = constraint.expression[c]
             if np.isfinite(largest) and largest > 0.0 and ca.depends_on(part, u[free]):
-                shares.append(part / largest)
-    return ca.vertcat(ca.SX(0, 1), *shares)
+                held.append((problem.labels(constraint)[c].name, part / largest))
+    return held
 
 
 def without_effort(result: Solution, problem: Problem) -> Solution:

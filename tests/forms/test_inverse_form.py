@@ -22,6 +22,7 @@ from models.effects import (
 from models.forms import canonical, inverse, lagrange
 from ocp import Control, Ipopt, gentle, point_to_point, polish, smooth, solve, solve_to_accuracy, uniform, verify
 from ocp.accuracy.control_shape import scheme_for
+from ocp.arcs.least_effort import slack
 
 QUIET = Ipopt(progress=False)
 EFFECTS = [Gravity(), Payload(2.0, (0.1, 0.0, 0.05)), RotorInertia(0.2), Viscous(1.5), Coulomb(2.0)]
@@ -134,6 +135,17 @@ def test_gentle_reduces_the_torques_that_hold_the_accelerations():
         efforts.append(solution.duration * np.mean(shares**2))
     assert -1e-9 < soft.duration - fast.duration < 0.01 * (efforts[0] - efforts[1]) + 1e-9
     assert efforts[1] < 0.95 * efforts[0]
+
+
+def test_accelerations_that_the_time_leaves_open_are_named():
+    """Two joints travel a tenth of the way of the first, whose speed sets the time."""
+    arm = inverse(robots.arm_3r(), [Gravity()])
+    problem = point_to_point(arm, [0.0, 0.0, 0.0], [1.5, 0.1, -0.1], tau=[60.0, 60.0, 20.0], v=1.0)
+    solution = solve(problem, grid=uniform(40), solver=QUIET)
+    sentence = slack(problem, solution)
+    assert "d2q2/dt2 (" in sentence
+    assert "d2q3/dt2 (" in sentence
+    assert "d2q1/dt2 (" not in sentence
 
 
 @pytest.mark.slow
