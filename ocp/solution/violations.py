@@ -58,7 +58,9 @@ def excess(solution: Solution, problem: Problem, scale: Array | None = None) -> 
     return results
 
 
-def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -> dict[str, list[tuple[int, float]]]:
+def passed_between_nodes(
+    solution: Solution, problem: Problem, allowed: float, noted: float
+) -> dict[str, list[tuple[int, float]]]:
     """Return where limits are exceeded between the nodes by more than finer elements would leave.
 
     These are nonlinear limits of states, such as obstacles; limits on expressions of controls, if some controls have no
@@ -68,12 +70,14 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
     Args:
         solution: with finite states.
         problem: whose limits they are.
-        allowed: relative excess that counts as none.
+        allowed: relative excess; nothing is returned if no limit is exceeded by more.
+        noted: smaller relative excess; if one is not allowed, these are returned with it.
 
     Returns:
-        name of the limit -> (element, tau) of every local maximum of the excess that is not allowed.
+        name of the limit -> (element, tau) of every noted local maximum of the excess.
     """
     results: dict[str, list[tuple[int, float]]] = {}
+    passed = False
     system = problem.system
     free = bool(np.any(~np.isfinite(problem.limits(Where.ALONG, system.u))))
     chosen = [
@@ -91,13 +95,17 @@ def passed_between_nodes(solution: Solution, problem: Problem, allowed: float) -
             if not len(element) or np.max(amount) <= 0.0:
                 continue
             worst = int(np.argmax(amount))
-            least, most = constraint.between, float(amount[worst])
-            if least is None:
-                least = allowed * limit_scale(limited, c, search.range[c], x[worst], most, enough=most / allowed)
+            most = float(amount[worst])
+            if constraint.between is None:
+                size = limit_scale(limited, c, search.range[c], x[worst], most, enough=most / noted)
+                least, enough = noted * size, allowed * size
+            else:
+                least = enough = constraint.between
+            passed |= most > enough
             points = [(int(k), float(t)) for k, t, one in zip(element, tau, amount, strict=True) if one > least]
             if points:
                 results[problem.labels(constraint)[c].name] = points
-    return results
+    return results if passed else {}
 
 
 @functools.lru_cache(maxsize=64)

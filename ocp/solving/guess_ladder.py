@@ -11,7 +11,7 @@ from ocp.problem.constraints import Where
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.sequence import parameter_values, phases_of
 from ocp.solution.integration_drift import collapsed
-from ocp.solution.solution import Status
+from ocp.solution.solution import Status, Timings
 from ocp.solving.deadline import overdue
 from ocp.solving.first_guesses import phase_guesses, straight_line
 from ocp.solving.guess_conversion import AnySolution
@@ -27,6 +27,8 @@ from ocp.solving.guess_rungs import (
     WiderLimits,
 )
 from ocp.solving.nlp_solver import limited
+from ocp.solving.phase_solutions import timed
+from ocp.transcription.guess import Guess
 
 INSTANT = 0.02  # seconds within which a rung has found that it does not apply
 PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
@@ -43,7 +45,26 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
         prepared: the NLP.
         rungs: in order.
         values: of parameters, by name.
+
+    Returns:
+        A solution with the seconds of all attempts; those of making a guess count as set-up.
     """
+    begun, attempts = time.perf_counter(), list[Timings]()
+    result = _climbed(prepared, rungs, values, attempts)
+    spent = attempts[0]
+    for more in attempts[1:]:
+        spent = spent.and_then(more)
+    return timed(result, spent.lasting(prepared.setup + time.perf_counter() - begun))
+
+
+def _climbed(prepared: Solvable, rungs: tuple[Rung, ...], values: Values, attempts: list[Timings]) -> AnySolution:
+    """Return the result of `climb`, with the seconds of its own attempt, and append those of all attempts."""
+
+    def attempt(guesses: list[Guess], warm: bool, rung: str) -> AnySolution:
+        result = prepared.attempt(guesses, numbers, warm, rung)
+        attempts.append(result.timings)
+        return result
+
     numbers = parameter_values(prepared.problem, values)
     best: AnySolution | None = None
     tried: list[str] = []
@@ -53,17 +74,16 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
             break
         started = time.perf_counter()
         made = rung(prepared, values)
-        seconds = time.perf_counter() - started
         if made is None:
-            tried += [f"{type(rung).__name__} (not solved itself)"] if seconds > INSTANT else []
+            late = time.perf_counter() - started > INSTANT
+            tried += [f"{type(rung).__name__} (not solved itself)"] if late else []
             continue
-        guesses, warm = made
-        result = prepared.attempt(guesses, numbers, warm, type(rung).__name__, seconds)
+        result = attempt(*made, type(rung).__name__)
         tried.append(type(rung).__name__)
         if rungs is DEFAULT and type(AT_ONCE).__name__ not in tried and _runs_away(result):
             slower = AT_ONCE(prepared, values)
             tried.append(type(AT_ONCE).__name__)
-            again = result if slower is None else prepared.attempt(slower[0], numbers, slower[1], tried[-1])
+            again = result if slower is None else attempt(*slower, tried[-1])
             result = again if again.ok else result
         if result.ok:
             return result
@@ -78,7 +98,7 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
             return result
     if best is None:
         guesses = phase_guesses(prepared.problem, numbers, straight_line)
-        return prepared.attempt(guesses, numbers, rung="StraightLine")
+        return attempt(guesses, False, "StraightLine")
     advice = _shortest(prepared, values) if isinstance(prepared.problem, Problem) else ""
     return replace(best, message=f"{best.message}{advice} (guesses tried: {', '.join(tried)})")
 

@@ -1,4 +1,4 @@
-"""Conversion of the result of the NLP solver to the solution of every phase."""
+"""Conversion of the result of the NLP solver to the solution of every phase, and the seconds of several solves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from ocp.solution.integration_drift import collapsed
+from ocp.solution.sequence_solution import SequenceSolution
 from ocp.solution.solution import Solution, Status, Timings
 from ocp.solution.violations import touched
+from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpResult
 from ocp.solving.whole_turns import without_whole_turns
 from ocp.transcription.nlp import Nlp
@@ -47,3 +49,16 @@ def solutions_of(
     if result.status in (Status.SOLVED, Status.ACCEPTABLE) and any(collapsed(one) for one in results):
         results = [replace(solution, status=Status.FAILED) for solution in results]
     return results
+
+
+def timed(result: AnySolution, timings: Timings) -> AnySolution:
+    """Return a solution with other seconds, also those of its phases; a message that nobody has read stays unread.
+
+    Args:
+        result: of a problem or a sequence.
+        timings: of all solves that led to it.
+    """
+    changes = {"timings": timings, "message": vars(result)["message"]}
+    if isinstance(result, SequenceSolution):
+        changes["phases"] = tuple(timed(phase, timings) for phase in result.phases)
+    return replace(result, **changes)

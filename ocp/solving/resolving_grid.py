@@ -21,6 +21,7 @@ from ocp.solution.state_scales import scales_of_states
 from ocp.solving.deadline import overdue
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpSettings, limited
+from ocp.solving.phase_solutions import timed
 from ocp.solving.prepared_nlp import prepare
 from ocp.transcription.grid import Grid
 
@@ -62,6 +63,7 @@ def resolved(
     if any(phase.problem is None for phase in phases):
         raise ValueError("resolved: this solution was loaded without its problem; use load(path, problem=...)")
     begun, best, grid = time.perf_counter(), solution, _finer(solution, DRIFTS) if solution.ok else None
+    spent = solution.timings
     first, numbers = len(phases[0].grid), _values(solution) if values is None else values
     for _ in range(ROUNDS):
         left = seconds - (time.perf_counter() - begun)
@@ -70,16 +72,20 @@ def resolved(
         prepared = prepare(solution.problem, phases[0].scheme, grid, solver, best, numbers)
         prepared = replace(prepared, settings=limited(prepared.settings, prepared.settings.max_iter, left))
         again = prepared.proceed(best, numbers) if isinstance(best, Solution) else prepared(best, numbers)
+        spent = spent.and_then(again.timings)
         if not again.ok:
             break
         if isinstance(again, Solution):
             again = replace(again, rung=solution.rung)
         best = replace(again, iterations=best.iterations + again.iterations)
         grid = _finer(best, ALLOWED)
-    if best is solution:
+    if spent is solution.timings:
         return solution
+    spent = spent.lasting(solution.timings.total + time.perf_counter() - begun)
+    if best is solution:
+        return timed(solution, spent)
     words = f"solved again with {len(_phases(best)[0].grid)} elements instead of {first}, finer where rates jump"
-    return replace(best, message=f"{best.message}; {words}")
+    return timed(replace(best, message=f"{best.message}; {words}"), spent)
 
 
 def _phases(solution: AnySolution) -> tuple[Solution, ...]:

@@ -15,6 +15,7 @@ from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
 from ocp.solving.guess_rungs import Smooth, StraightLine, WiderLimits
 from ocp.solving.nlp_solver import NlpSettings
+from ocp.solving.phase_solutions import timed
 from ocp.solving.prechecks import warnings_before
 from ocp.solving.prepared_nlp import prepare
 from ocp.solving.resolving_grid import resolved
@@ -52,17 +53,18 @@ def solve(
     Raises:
         TypeError, ValueError: wrong input, named. A solve that fails raises nothing: see status and message.
     """
-    prepared = prepare(problem, scheme, grid, solver, guess, values)
     begun = time.perf_counter()
+    prepared = prepare(problem, scheme, grid, solver, guess, values)
     warnings = warnings_before(problem, prepared.numbers(values))
-    prepared = replace(prepared, setup=prepared.setup + time.perf_counter() - begun)
     improbable = warnings and guess is None
     # No long search for a motion that is probably impossible; one with wider limits shows whether it is.
     result = prepared((Smooth(), StraightLine()) if improbable else guess, values)
     if improbable and not (result.ok or result.status is Status.STOPPED or result.solver_status == "not started"):
         wider = prepared((WiderLimits(),), values)
         tried = result.message.removesuffix(")") + ", WiderLimits)"
-        result = wider if wider.ok else replace(result, message=tried)
+        spent = result.timings.and_then(wider.timings)
+        result = timed(wider if wider.ok else replace(result, message=tried), spent)
     result = held_between_nodes(result, problem, scheme, solver, values)
     result = resolved(result, solver, values) if grid is None and result.ok else result
+    result = timed(result, result.timings.lasting(time.perf_counter() - begun))
     return replace(result, message=f"{result.message}; but {'; '.join(warnings)}") if warnings and result.ok else result
