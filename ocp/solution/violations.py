@@ -104,7 +104,7 @@ def passed_between_nodes(
             passed |= most > enough
             points = [(int(k), float(t)) for k, t, one in zip(element, tau, amount, strict=True) if one > least]
             if points:
-                results[problem.labels(constraint)[c].name] = points
+                results.setdefault(problem.labels(constraint)[c].name, []).extend(points)
     return results if passed else {}
 
 

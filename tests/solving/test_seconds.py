@@ -6,7 +6,24 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import pytest
 
-from ocp import Ball, Bolza, Free, Ipopt, Problem, Sequence, Status, System, along, end, outside, solve, start, uniform
+from ocp import (
+    Ball,
+    Bolza,
+    Free,
+    Ipopt,
+    Problem,
+    Sequence,
+    Status,
+    System,
+    along,
+    end,
+    outside,
+    prepare,
+    solve,
+    start,
+    uniform,
+)  # fmt: skip
+from ocp.solution.violations import excess, passed_between_nodes
 from ocp.solving.guess_rungs import CoarseGrid, Smooth, StraightLine
 
 
@@ -29,12 +46,12 @@ class Recorded(Ipopt):
         return recorded
 
 
-def past_discs(*places, begin=0.0, finish=1.0):
+def past_discs(*centres, begin=0.0, finish=1.0):
     """Return the fastest motion of a point along a line, little effort across it, past small discs."""
     x, u = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
     system = System(x, u, rate=ca.vertcat(x[2:], u))
     ends = start(x, [begin, 0, 0, 0]), end(x, [finish, 0, 0, 0]), along(u, -1.0, 1.0)
-    discs = [outside(Ball((place, 0.001), 0.01), x[:2]) for place in places]
+    discs = [outside(Ball(centre, 0.01), x[:2]) for centre in centres]
     return Problem(system, Free(2.0), Bolza(time=1.0, running=u[1] ** 2), (*ends, *discs)), x
 
 
@@ -50,7 +67,7 @@ def check(solution, solver, begun, solves):
 
 
 def test_seconds_of_finer_grids_count():
-    problem, _ = past_discs(0.55)
+    problem, _ = past_discs((0.55, 0.001))
     solver, begun = Recorded(progress=False), time.perf_counter()
     solution = solve(problem, grid=uniform(20), solver=solver)
     assert len(solution.grid) > 20
@@ -66,7 +83,7 @@ def test_seconds_of_failed_attempts_count():
 
 
 def test_seconds_of_phases_count():
-    (first, x), (second, y) = past_discs(0.55), past_discs(begin=1.0, finish=2.0)
+    (first, x), (second, y) = past_discs((0.55, 0.001)), past_discs(begin=1.0, finish=2.0)
     solver, begun = Recorded(progress=False), time.perf_counter()
     solution = solve(Sequence([first, second], [(x, y)]), grid=uniform(20), solver=solver)
     assert solution.phases[0].timings == solution.timings
@@ -87,3 +104,18 @@ def test_a_message_that_nobody_read_is_not_worked_out():
     solution = solve(past_discs()[0], grid=uniform(20), solver=Ipopt(progress=False))
     assert callable(vars(solution)["message"])
     assert solution.message.startswith("solved")
+
+
+def test_small_excesses_call_for_no_other_solve_but_are_mended_with_large_ones():
+    problem, _ = past_discs((0.55, 0.001), (0.71, 0.006))
+    solution = prepare(problem, grid=uniform(20), solver=Ipopt(progress=False))()
+    every = [one for one, _ in excess(solution, problem) if one > 0.0]
+    large, small = sorted(every)[::-1][:2]
+    assert 0.0 < small < large
+    both, one, none = (
+        passed_between_nodes(solution, problem, allowed * large, 0.99 * noted)
+        for allowed, noted in ((0.99, small), (0.99, large), (1.01, small))
+    )
+    assert [len(points) for points in both.values()] == [2]  # both discs have the same name
+    assert [len(points) for points in one.values()] == [1]
+    assert not none
