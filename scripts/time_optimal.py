@@ -22,7 +22,7 @@ from reports import effect_budget as budget
 from reports.arm_template import template
 from reports.controller_files import write_at_rate
 from reports.motion_account import Files, account, describe, named
-from reports.motion_clearance import clearances
+from reports.motion_clearance import clearances, unkept
 from reports.motion_solving import add_solving, checks_of, find
 from reports.motion_table import at_points, tabulate, write_csv
 from reports.output import add_output, output_folder, working
@@ -111,7 +111,7 @@ def find_motion(
     show(f"{scene.machine.name} manipulator, {scene.form_name} form, frame {scene.frame_name}, "
          f"{', '.join(named(scene)) or 'no effects'}")  # fmt: skip
     show(f"{task.elements} elements of radau(3), one control value for each; solving ...")
-    for note in (*scene.system.notes, *passed_at_once(task, document)):
+    for note in (*scene.system.notes, *passed_at_once(task, document), *unkept(task)):
         show(f"note: {note}")
     solution, asked = find(task, scene.system, options, show, shown), checks_of(options)
     with working("verifying", shown):

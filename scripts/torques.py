@@ -24,6 +24,8 @@ import numpy as np
 from reports.controller_files import write_at_rate
 from reports.fastest_path import Limits
 from reports.gear_report import plain_rows, ratios_of, sweep, tell
+from reports.motion_clearance import Clearances, kept, lines_of, measured
+from reports.motion_clearance import plain as clearances
 from reports.motion_file import Reading, read_motion
 from reports.output import add_output, output_folder, working
 from reports.own_models import add_own_models, include_own_models
@@ -37,7 +39,8 @@ from models.plots.tables import torques as draw_torques
 from models.scenes import catalogue
 from models.scenes.motor_file import GearedMotor, motors_of_drives, read_motors
 from models.scenes.scene_file import read_scene
-from models.scenes.task_file import read_limits
+from models.scenes.task import Task
+from models.scenes.task_file import read_limits, read_task
 from models.scenes.toml_document import Table, parse, read_document
 from models.torques.table_text import PROGRAMS, SPREADSHEETS, columns_of, write_table
 
@@ -76,9 +79,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 scene.machine, scene.effects, times=times, limits=limits, progress=progress("inverse dynamics")
             )
         account = describe(say, motion, table, scene, signals, options.compare)
+        task = read_task(document, scene) if {"task", "collisions"} <= set(document.entries) else None
+        clear = () if task is None or task.clearance is None else measured(task.clearance, table.t, table.q)
+        for number, line in enumerate(lines_of(clear)):
+            say(f"{'' if number else 'clearance':<13}{line}")
+        account["clearances"] = clearances(clear)
         with working("gear ratios", shown and options.ratios is not None):
             gears(options, document, scene, table, account, say)
-        files = write(options, motion, table, scene, (limits, signals), account, say)
+        files = write(options, motion, table, scene, (limits, signals), account, say, (task, clear))
     except BrokenPipeError:
         raise
     except (ValueError, TypeError, ImportError, OSError, MemoryError) as error:
@@ -89,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps(plain(account), indent=2, allow_nan=False))
     say(f"files        {', '.join(os.fspath(path) for path in files)}")
-    return 1 if exceeds(account) else 0
+    return 1 if exceeds(account) or not kept(clear) else 0
 
 
 def command_line() -> argparse.ArgumentParser:
@@ -206,6 +214,7 @@ def write(
     limited: tuple[list[Envelope], Limits],
     account: Account,
     say: Say,
+    near: tuple[Task | None, Clearances],
 ) -> list[Path]:
     """Write all files, or none."""
     style = SPREADSHEETS[options.excel] if options.excel else PROGRAMS
@@ -227,7 +236,8 @@ def write(
             document = None if options.scene is None else read_document(options.scene)
             with working("writing the report", not (options.quiet or options.json)):
                 lines = exceeded(table, limited[1])
-                write_torque_report(part / "torques.html", motion, table, scene, document, lines, limited[1])
+                write_torque_report(part / "torques.html", motion, table, scene, document, lines, limited[1],
+                                    () if near[0] is None else near[0].drawn, near[1])  # fmt: skip
         if options.export:
             names = [c.name for c in table.machine.coordinates]
             message = as_trajectory(table.t, table.q, table.v, table.a, names)

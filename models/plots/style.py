@@ -81,7 +81,9 @@ def pretty(label: str) -> str:
     words = not tail.startswith("\\") and len(tail) > 1  # a name such as "elbow" stays upright
     index = rf"\mathrm{{{tail}}}" if words else tail
     index = f"{index}_{digit}" if index and digit else index + digit
-    if len(head) > 1 and not head.startswith("\\"):
-        head = rf"\mathrm{{{head}}}"
+    whole = len(head) > 1 and not head.startswith("\\")
+    head = rf"\mathrm{{{head}}}" if whole else head
+    if dotted and whole:  # a dot above a word is lost in it
+        return f"d ${head}_{{{index}}}$/dt {unit}" if index else f"d ${head}$/dt {unit}"
     head = rf"\dot{{{head}}}" if dotted else head
     return f"${head}_{{{index}}}$ {unit}" if index else f"${head}$ {unit}"

@@ -173,6 +173,14 @@ def movable(machine: Manipulator) -> tuple[Shape, ...]:
     return tuple(shape for shape in moved if shape.body not in bases) or tuple(moved) or shapes
 
 
+def without_capsules(machine: Manipulator) -> tuple[str, ...]:
+    """Return the bodies that nothing is kept away from, as neither they nor the lines of the arm have capsules."""
+    shaped = {shape.body for shape in machine.shapes}
+    if f"line {FIRST_LINE}" in shaped:
+        return ()
+    return tuple(body.name for body in machine.bodies[1:] if body.name not in shaped)
+
+
 def named_pairs(pairs: Sequence[tuple[str, str]], bodies: set[str]) -> list[tuple[str, str]]:
     """Return pairs of bodies with capsules, checked."""
     given = checks.several("pairs", pairs, "a list of pairs of bodies")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from models.machines.manipulator import Manipulator
+from models.rigid_bodies.clearances import without_capsules
 from models.rigid_bodies.collisions import COVER, MARGIN, body_capsule, self_pairs, skeleton_shapes, with_shapes
 from models.rigid_bodies.joint import Capsule
 from models.scenes.interval_entry import read_interval
@@ -36,7 +37,7 @@ def with_links(document: Table, machine: Manipulator) -> Manipulator:
     table.only((*OF_CLEARANCE, *OF_SHAPES))
     if table.has("radius"):
         radius = _positive(table, "radius")
-        if machine.shapes:
+        if machine.shapes and not without_capsules(machine):
             raise table.error("radius", f"{machine.name} has capsules of its own; leave it out")
         within = _travel(document, table, machine)
         try:

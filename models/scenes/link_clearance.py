@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from models.machines.manipulator import Manipulator
-from models.rigid_bodies.clearances import Distance, distances
+from models.rigid_bodies.clearances import Distance, distances, without_capsules
 from models.rigid_bodies.collisions import COVER, MARGIN, keep_clear
 from models.scenes.card import entry
 from ocp.checks import Array
@@ -70,6 +70,15 @@ class LinkClearance:
                 found[key] = one
         return tuple(sorted(found.values(), key=lambda one: one.least))
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is not kept clear, in a sentence."""
+        bare = without_capsules(self.machine)
+        if not bare:
+            return ()
+        names = ", ".join(bare)
+        return (f"{names}: without capsules, nothing is kept away from there; 'radius' in [collisions] gives some",)
+
     def wanted(self, one: Distance) -> float:
         """Return the distance that is to be kept [m]."""
         return self.apart if (one.body, one.other) in self.pairs else self.distance
@@ -94,7 +103,7 @@ class LinkClearance:
         parts += [f"{self.distance:g} m above the floor at {self.floor:g} m"] if self.floor is not None else []
         if self.pairs:
             parts.append(f"{self.apart:g} m between {', '.join(f'{a} and {b}' for a, b in self.pairs)}")
-        return entry("links", "; ".join(parts) or "keep clear of nothing")
+        return entry("links", "; ".join((*parts, *self.notes)) or "keep clear of nothing")
 
     def _refused(self, one: Distance, q: Array) -> bool:
         """Return whether the constraint of a body and its obstacle excludes a position."""

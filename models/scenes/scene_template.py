@@ -12,6 +12,7 @@ from models.machines.manipulator import Manipulator
 from models.machines.parameters import Follows, unit_of
 from models.machines.spherical_arm import spherical
 from models.machines.torus_arm import torus
+from models.rigid_bodies.clearances import without_capsules
 from models.scenes import catalogue
 from models.scenes.docstring_words import argument_words
 
@@ -167,8 +168,8 @@ def collision_lines(machine: Manipulator) -> Iterator[str]:
     """Yield the lines that keep all links of a machine clear, in comments."""
     yield "# Obstacles without a signal of their own, the floor and the links themselves, for all links."
     yield "# [collisions]"
-    if not machine.shapes:
-        yield "# radius = 0.05          # m, of capsules along the lines of the arm (none are known of its links)"
+    if not machine.shapes or without_capsules(machine):
+        yield "# radius = 0.05          # m, of capsules along the lines of the arm (none are known of some links)"
     yield "# clearance = 0.02       # m, kept along the whole motion"
     yield "# floor = 0.0            # m, height; leave it out for none"
     bodies = list(dict.fromkeys(shape.body for shape in machine.shapes)) or ["line 2", "line 3"]

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from reports.motion_clearance import Clearances
+from reports.motion_clearance import Clearances, unkept
 from reports.scene_toml import as_toml
 from reports.verdict import Verdict
 
 from html_reports import page
+from html_reports.clearance_table import clearance_table
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import Panel, time_curves
 from models import Scene
@@ -67,7 +68,7 @@ def write_motion_report(
             "Dashed: limits. Shaded: times at which a limit is active (blue the lower, orange the upper one)" +
             (", for the drives the arcs of the switching structure." if rows else "."))) if moves else "",
         page.section("What limits it", _drives(shown[-1]), _gains(solution)) if moves else "",
-        page.section("How near the links come", _clearances(clear)) if clear else "",
+        page.section("How near the links come", clearance_table(clear), page.listed(unkept(task))) if clear else "",
         _structure(solution, rows),
         page.section("How accurate it is", _accuracy(report)) if solution.ok else
         page.section("What the solver found", page.listed(solution.message.split("; "))),
@@ -159,11 +160,6 @@ def _gains(solution: Solution | SequenceSolution) -> str:
     head = ("limit that is met", "d cost / d limit", f"{100 * MORE:.0f} % wider saves [{unit}]")
     note = page.paragraph("To first order, from the multipliers." if rows else "", "note")
     return page.table(head, [(*row[:2], factor * row[2]) for row in rows]) + note
-
-
-def _clearances(clear: Clearances) -> str:
-    rows = [(one.body, one.other, one.least, wanted, t) for one, t, wanted in clear]
-    return page.table(("link", "from", "least distance [m]", "kept [m]", "at [s]"), rows)
 
 
 def _one_limit_moved(problem: Problem) -> Problem | None:

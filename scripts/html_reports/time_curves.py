@@ -79,7 +79,7 @@ def time_curves(columns: Sequence[Sequence[Panel]]) -> Any:
         shapes.append({"type": "line", "name": "cursor", "xref": x, "yref": "paper", "x0": start, "x1": start,
                        "y0": low, "y1": 1.0, "line": {"color": "black", "width": 1.2}})  # fmt: skip
     drawing.update_layout(
-        height=HEIGHT * rows + 110, margin={"l": 60, "r": 10, "t": 50, "b": 40}, showlegend=False,
+        height=HEIGHT * rows + 140, margin={"l": 60, "r": 10, "t": 80, "b": 40}, showlegend=False,
         hovermode="x unified", hoversubplots="axis", shapes=shapes, plot_bgcolor="white",
     )  # fmt: skip
     drawing.update_xaxes(gridcolor="#e5e8eb")

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reports.motion_clearance import Clearances
 from reports.scene_toml import as_toml
 
 from html_reports import page
+from html_reports.clearance_table import clearance_table
 from html_reports.playback import FRAMES, SCRIPT, playback
 from html_reports.time_curves import HIGH, Panel, colour_of, time_curves
 from models import Motion, Scene, TorqueTable
 from models.plots.signals import links, skeleton
 from models.plots.torque_bounds import Limits, drive_limits
+from models.scenes.task import Obstacle
 from models.scenes.toml_document import Table
 from ocp.checks import Array
 
 MOST = 600  # points of a curve
+MOST_PLANES = 4  # panels beside each other
 
 
 def write_torque_report(
     path: Path, motion: Motion, table: TorqueTable, scene: Scene, document: Table | None, broken: list[str],
-    limits: Limits | None = None,
+    limits: Limits | None = None, obstacles: Sequence[Obstacle] = (), clear: Clearances = (),
 ) -> None:  # fmt: skip
     """Write the report of a torque table.
 
@@ -34,6 +39,8 @@ def write_torque_report(
         document: the scene file, or None without one.
         broken: sentences about limits that are exceeded.
         limits: of the scene on signals.
+        obstacles: of the task of the scene file.
+        clear: least distances of the links.
 
     Raises:
         ImportError: Plotly is not installed.
@@ -43,7 +50,7 @@ def write_torque_report(
     kept = np.unique(np.linspace(0, len(table.t) - 1, min(MOST, len(table.t))).round().astype(int))
     t = np.linspace(float(table.t[0]), float(table.t[-1]), FRAMES)
     q = motion.q(t)
-    space = playback(t, skeleton(table.machine, q), (), None, links(table.machine, q))
+    space = playback(t, skeleton(table.machine, q), obstacles, None, links(table.machine, q))
     rows = [
         (load.name, load.unit, load.peak, load.rms, load.speed, load.mean_power, load.peak_power)
         for load in table.loads
@@ -61,6 +68,7 @@ def write_torque_report(
             time_curves([_torques(table, kept, bounds), _speeds(table, kept), _powers(table, kept)]), "curves",
             "Thick: the torque; thin: its parts by cause. Dashed: what the drive has. Shaded: nothing is left.")),
         page.section("Torque over speed", page.figure(_planes(table, kept, bounds), "planes")),
+        page.section("How near the links come", clearance_table(clear)) if clear else "",
         page.section("Loads of the drives", page.table(head, rows)),
         page.section("Parts of the torque, root mean square", page.table(("part", *drives), parts)),
         page.section("The scene", page.preformatted(as_toml(document.entries)) if document is not None else "",
@@ -102,13 +110,18 @@ def _powers(table: TorqueTable, kept: Array) -> list[Panel]:
 
 def _planes(table: TorqueTable, kept: Array, bounds: tuple[Array, Array]) -> Any:
     go, coordinates = page.plotly(), table.machine.coordinates
-    drawing = page.plotly("subplots").make_subplots(rows=1, cols=len(coordinates))
+    rows = -(-len(coordinates) // MOST_PLANES)
+    columns = -(-len(coordinates) // rows)
+    drawing = page.plotly("subplots").make_subplots(
+        rows=rows, cols=columns, horizontal_spacing=0.24 / columns, vertical_spacing=0.36 / rows
+    )
     for i, c in enumerate(coordinates):
+        place = {"row": 1 + i // columns, "col": 1 + i % columns}
         v, tau = table.v[kept, i], table.tau[kept, i]
         hover = f"%{{x:.4g}} {c.unit}/s, %{{y:.5g}} {c.force_unit}, t = %{{customdata:.4g}} s<extra></extra>"
         drawing.add_trace(go.Scatter(x=v.tolist(), y=tau.tolist(), customdata=table.t[kept].tolist(), mode="lines",
                                      line={"color": "#1f4e79"}, hovertemplate=hover, name=c.name),
-                          1, i + 1)  # fmt: skip
+                          **place)  # fmt: skip
         if table.limits:
             limit = table.limits[i]
             fastest = 1.15 * max(float(np.max(np.abs(table.v[:, i]))), 1e-9)
@@ -118,14 +131,14 @@ def _planes(table: TorqueTable, kept: Array, bounds: tuple[Array, Array]) -> Any
             for sign in (-1.0, 1.0):
                 y = [float(sign * a) if np.isfinite(a) else None for a in allowed]
                 line = {"color": "#b03a2e", "dash": "dash"}
-                drawing.add_trace(go.Scatter(x=speeds.tolist(), y=y, mode="lines", line=line, name="limit"), 1, i + 1)
+                drawing.add_trace(go.Scatter(x=speeds.tolist(), y=y, mode="lines", line=line, name="limit"), **place)
         else:
             order = kept[np.argsort(v)]
             for side in bounds:
                 y = [float(a) if np.isfinite(a) else None for a in side[order, i]]
                 line = {"color": "#b03a2e", "dash": "dash"}
                 drawing.add_trace(go.Scatter(x=table.v[order, i].tolist(), y=y, mode="lines", line=line, name="limit"),
-                                  1, i + 1)  # fmt: skip
-        drawing.update_xaxes(title_text=f"d{c.name}/dt [{c.unit}/s]", row=1, col=i + 1)
-        drawing.update_yaxes(title_text=f"tau_{c.name} [{c.force_unit}]", row=1, col=i + 1)
-    return drawing.update_layout(height=360, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})
+                                  **place)  # fmt: skip
+        drawing.update_xaxes(title_text=f"d{c.name}/dt [{c.unit}/s]", **place)
+        drawing.update_yaxes(title_text=f"tau_{c.name} [{c.force_unit}]", **place)
+    return drawing.update_layout(height=60 + 300 * rows, showlegend=False, margin={"l": 60, "r": 10, "t": 20, "b": 50})

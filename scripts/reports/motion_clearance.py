@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.rigid_bodies.clearances import Distance
+from models.scenes.link_clearance import LinkClearance
 from models.scenes.task import Task
 from ocp import SequenceSolution, Solution
 
@@ -25,8 +26,23 @@ def clearances(solution: Solution | SequenceSolution, task: Task) -> Clearances:
     if task.clearance is None:
         return []
     t = np.linspace(0.0, solution.duration, TIMES if solution.duration > 0.0 else 1)
-    nearest = task.clearance.nearest(np.atleast_2d(solution.signal("q", t)))
-    return [(one, float(t[one.row]), task.clearance.wanted(one)) for one in nearest]
+    return measured(task.clearance, t, np.atleast_2d(solution.signal("q", t)))
+
+
+def measured(clearance: LinkClearance, t: np.ndarray, q: np.ndarray) -> Clearances:
+    """Return the least distances along any motion, the nearest first.
+
+    Args:
+        clearance: what the links keep clear of.
+        t: (K,) times [s].
+        q: (K, n) positions there [rad or m].
+    """
+    return [(one, float(t[one.row]), clearance.wanted(one)) for one in clearance.nearest(q)]
+
+
+def unkept(task: Task) -> tuple[str, ...]:
+    """Return notes about links that nothing is kept away from."""
+    return () if task.clearance is None else task.clearance.notes
 
 
 def kept(found: Clearances) -> bool:

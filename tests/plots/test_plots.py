@@ -172,5 +172,8 @@ def test_torques_and_studies_draw_themselves(tmp_path):
 
 def test_labels_are_mathematics():
     assert pretty("dtheta/dt [rad/s]") == r"$\dot{\theta}$ [rad/s]"
+    assert pretty("dq1/dt [rad/s]") == r"$\dot{q}_{1}$ [rad/s]"
+    assert pretty("dshoulder_pan_joint/dt [rad/s]") == r"d $\mathrm{shoulder\_pan\_joint}$/dt [rad/s]"
+    assert pretty("delbow/dt [rad/s]") == r"d $\mathrm{elbow}$/dt [rad/s]"
     assert pretty("tau_q1 [N m]") == r"$\tau_{q_1}$ [N m]"
     assert pretty("tau_elbow [N m]") == r"$\tau_{\mathrm{elbow}}$ [N m]"

@@ -159,6 +159,26 @@ to = {{ tool = {place.tolist()}{axes} }}
             assert np.linalg.norm(last - begin) < 1.6 * np.linalg.norm(found[0] - begin)
 
 
+def test_links_without_capsules_are_named_and_can_have_some(tmp_path):
+    begin = URDF.index("<collision>")
+    bare = URDF[:begin] + URDF[URDF.index("</collision>") + len("</collision>") :]
+    swapped = bare.replace("<collision>", "<x>").replace("</collision>", "</x>").replace("</inertial>\n</link>", (
+        '</inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link>'), 1)  # fmt: skip
+    (tmp_path / "two.urdf").write_text(swapped)
+    scene_file = tmp_path / "two.toml"
+    scene_file.write_text(SCENE)
+    scene, task = task_file.load(scene_file)
+    assert [shape.body for shape in scene.machine.shapes] == ["turn"]
+    assert task.clearance.notes == (
+        "bend: without capsules, nothing is kept away from there; 'radius' in [collisions] gives some",
+    )
+    assert "bend: without capsules" in " ".join(task.card(scene.system).split())
+    scene_file.write_text(SCENE.replace("clearance = 0.02", "clearance = 0.02\nradius = 0.04"))
+    scene, task = task_file.load(scene_file)
+    assert {shape.body for shape in scene.machine.shapes} == {"turn", "line 1"}
+    assert task.clearance.notes == ()
+
+
 def test_an_orientation_of_a_machine_without_axes_of_its_tool():
     text = SLIDES.replace("to = [2.0, 0.8, 0.8]", "to = { tool = [0.5, 0.5, 0.5], orientation_deg = [0, 0, 90] }")
     with pytest.raises(SceneError, match=r"line 10: task.to.orientation_deg: is for arms of links"):
