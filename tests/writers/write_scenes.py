@@ -85,6 +85,7 @@ first body (line 1 of a skeleton) stands on the floor and is left out; `inside` 
 
 ```toml
 machine = { robot = "ur5" }
+form = "inverse"        # accelerations as controls: 53 iterations, verified; canonical: 211
 [effects.gravity]
 [limits]
 machine = true
