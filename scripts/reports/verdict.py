@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocp import Report, SequenceSolution, Solution, Status
+from ocp.problem.constraints import Where
 from reports.motion_clearance import Clearances, kept
 from reports.motion_solving import AGREEMENT
 
 TRIED = re.compile(r" \(guesses tried: (?:[^()]|\([^()]*\))*\)")
 ADVICE = ("raise ", "move ", "loosen ", "widen ", "give ", "use ", "try ")
+MANY = 5  # axes from which a light wrist makes the torques poor controls
 SMALL = 1e-3  # share of the duration below which a possible gain is not worth a finer grid
 
 
@@ -84,11 +86,13 @@ def _fault(
     finer = f"--nodes {elements + ((report.more_elements(name) if name else 0) or elements)}, or --accuracy 1e-4"
     amount = f" ({report.amounts[name]})" if report.amounts.get(name) else ""
     if name == "drift":
+        finer += _other_form(solution)
         drift = f"{report.drift:.1e} of the range{amount}"
         return f"integrated with its own torques the motion drifts away by {drift}", finer
     if name == "violation":
         what = f" ({report.violation.what})" if report.violation.what else ""
         return f"a limit is exceeded by {100 * report.violation:.2g} % of its range between nodes{what}", finer
+    finer += _other_form(solution)
     if name == "energy":
         return f"the energy balance is open by {report.energy:.1e}", finer
     if name:
@@ -101,6 +105,18 @@ def _fault(
         )
     words = " ".join(report.failures)
     return words, f"--nodes {2 * elements}" if words else ""
+
+
+def _other_form(solution: Solution | SequenceSolution) -> str:
+    """Return the advice to take accelerations as controls, for arms with many axes and limits of their speeds."""
+    problem = solution.phases[0].problem if isinstance(solution, SequenceSolution) else solution.problem
+    if problem is None or "v" not in problem.system.signals or problem.system["v"].numel() < MANY:
+        return ""
+    system, n = problem.system, problem.system["v"].numel()
+    limited = {label.name for one in problem.subject_to if one.where is Where.ALONG for label in problem.labels(one)}
+    speeds = {label.name for label in system.label("v", n)}
+    held = system.label("u", n)[0].name.startswith("d2")  # accelerations are the controls already
+    return ", or --form inverse" if limited & speeds and not held else ""
 
 
 def _elements(solution: Solution | SequenceSolution) -> int:

@@ -21,11 +21,11 @@ from reports import output
 from reports.output import add_output, output_folder, working
 from reports.verdict import verdict
 
-from models import cylindrical
+from models import cylindrical, robots
 from models.effects import Gravity
 from models.forms import canonical
 from models.scenes import catalogue
-from ocp import point_to_point, polish, solve, uniform, verify
+from ocp import Ipopt, Smooth, Status, point_to_point, polish, prepare, solve, uniform, verify
 
 ROOT = Path(__file__).parents[2]
 SCARA = ROOT / "docs" / "tutorials" / "scara.py"
@@ -200,3 +200,16 @@ def test_a_page_of_the_gallery_or_a_tutorial_runs(
     runpy.run_path(str(path))
     assert "np.float64" not in capsys.readouterr().out
     assert plt.get_fignums()
+
+
+def test_arms_with_limits_of_speed_are_sent_to_accelerations_as_controls() -> None:
+    machine = robots.ur5()
+    arm = canonical(machine, [Gravity()])
+    ends = [0.0, -1.0, 1.0, 0.0, 0.5, 0.0], [1.0, -0.5, 0.5, 0.5, 0.0, 0.5]
+    for limits, advised in ((machine.limits, True), ({"tau": machine.limits["tau"]}, False)):
+        problem = point_to_point(arm, *ends, limits=limits)
+        poor = prepare(problem, grid=uniform(4), solver=Ipopt(progress=False, max_iter=2))((Smooth(),))
+        poor = replace(poor, status=Status.SOLVED)
+        bad = verdict(poor, verify(poor), 0.0)
+        assert "drifts away" in bad.cause
+        assert ("--form inverse" in bad.remedy) == advised
