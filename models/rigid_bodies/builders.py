@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, Value
 from models.rigid_bodies.assembly import assemble_tree
-from models.rigid_bodies.joint import Joint, Kind, Link, nominal
+from models.rigid_bodies.joint import Joint, Kind, Link, nominal, rotation_of
 from models.rigid_bodies.tree_manipulator import manipulator
 from ocp import checks
 from ocp.checks import Array
@@ -68,7 +68,7 @@ def tree(
     checks.text("name", name, "a name")
     if tip is not None:
         checks.text("tip", tip, "the name of a joint, or None")
-    turned = None if tool_rotation is None else Joint("tool", rotation=tool_rotation).turned()
+    turned = None if tool_rotation is None else rotation_of("tool_rotation", tool_rotation)
     return manipulator(name, assemble_tree(joints, tip, tool, turned))
 
 

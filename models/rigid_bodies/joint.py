@@ -150,18 +150,7 @@ class Joint:
 
     def turned(self) -> Array:
         """Return the rotation matrix (3, 3) from the frame of the joint to that of its parent."""
-        name = f"joint {self.name!r}: rotation"
-        wanted = "roll, pitch, yaw in rad, or a rotation matrix"
-        given = checks.numbers(name, self.rotation, wanted)
-        if given.shape == (3,):
-            return roll_pitch_yaw(given)
-        if given.shape != (3, 3):
-            raise checks.refused(name, self.rotation, wanted)
-        if np.max(np.abs(given.T @ given - np.eye(3))) > 1e-6 or np.linalg.det(given) < 0.0:
-            raise checks.refused(name, self.rotation, "a right-handed orthonormal matrix")
-        # The nearest rotation, so that rounded entries do not stretch the links.
-        left, _, right = np.linalg.svd(given)
-        return given if np.max(np.abs(given.T @ given - np.eye(3))) < 1e-15 else left @ right
+        return rotation_of(f"joint {self.name!r}: rotation", self.rotation)
 
     def symbols(self) -> Mapping[str, Parameter]:
         """Return the values of the joint that are Parameters, by the names that their symbols get."""
@@ -169,6 +158,29 @@ class Joint:
         for name, values in (("origin", self.origin), ("centre", self.link.centre), ("inertia", self.link.inertia)):
             named |= {f"{name}_{i + 1}": value for i, value in enumerate(values)}
         return {f"{self.name}.{name}": value for name, value in named.items() if isinstance(value, Parameter)}
+
+
+def rotation_of(name: str, rotation: object) -> Array:
+    """Return the matrix (3, 3) of roll, pitch, yaw [rad] or of a matrix.
+
+    Args:
+        name: of the argument, for the message.
+        rotation: what the user gave.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    wanted = "roll, pitch, yaw in rad, or a rotation matrix"
+    given = checks.numbers(name, rotation, wanted)
+    if given.shape == (3,):
+        return roll_pitch_yaw(given)
+    if given.shape != (3, 3):
+        raise checks.refused(name, rotation, wanted)
+    if np.max(np.abs(given.T @ given - np.eye(3))) > 1e-6 or np.linalg.det(given) < 0.0:
+        raise checks.refused(name, rotation, "a right-handed orthonormal matrix")
+    # The nearest rotation, so that rounded entries do not stretch the links.
+    left, _, right = np.linalg.svd(given)
+    return given if np.max(np.abs(given.T @ given - np.eye(3))) < 1e-15 else np.asarray(left @ right)
 
 
 def roll_pitch_yaw(angles: Sequence[float] | Array) -> Array:

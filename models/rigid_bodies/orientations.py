@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.rigid_bodies.joint import Joint
+from models.rigid_bodies.joint import rotation_of
 from ocp.checks import Array
 
 Rotation = Sequence[float] | Sequence[Sequence[float]] | Array
@@ -14,7 +14,7 @@ Rotation = Sequence[float] | Sequence[Sequence[float]] | Array
 
 def rotation_matrix(rotation: object) -> Array:
     """Return the matrix (3, 3) of roll, pitch, yaw [rad] or of a matrix."""
-    return Joint("tool", rotation=rotation).turned()  # type: ignore[arg-type]
+    return rotation_of("rotation", rotation)
 
 
 def axis_angle(rotation: Array) -> Array:

@@ -93,3 +93,11 @@ def test_a_stretched_arm_has_one_solution():
     found = inverse_kinematics(PLANAR, (0.9 * np.cos(1.0), 0.9 * np.sin(1.0), 0.0))
     assert found == pytest.approx(np.array([[1.0, 0.0]]), abs=1e-4)
     assert len(inverse_kinematics(PLANAR, (0.9 + 1e-6, 0.0, 0.0))) == 0
+
+
+@pytest.mark.parametrize("rotation", [[1.0, 2.0], 2 * np.eye(3), [0.0, float("nan"), 0.0]])
+def test_a_rotation_that_is_none_is_called_by_its_argument(rotation):
+    with pytest.raises(ValueError, match=r"^rotation: "):
+        inverse_kinematics(PLANAR, (0.6, 0.3, 0.0), rotation)
+    with pytest.raises(ValueError, match=r"^tool_rotation: "):
+        serial([Joint("a", link=LINK)], tool_rotation=rotation)
