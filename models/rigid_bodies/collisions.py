@@ -83,9 +83,18 @@ def skeleton_shapes(
     corners, shapes = ca.densify(machine.skeleton), list[Shape]()
     lines = [(corners[:, k], corners[:, k + 1]) for k in range(corners.shape[1] - 1)]
     lines = [(start, end) for start, end in lines if not (end - start).is_zero()]
-    for number, (start, end) in enumerate(lines, FIRST_LINE):
-        shapes.append(Shape(f"line {number}", start, end, thick, _longest(machine, start, end, within)))
+    # The skeleton of a tree goes back along its side branches.
+    lines = [line for k, line in enumerate(lines) if not any(_back(line, other) for other in lines[:k])]
+    for start, end in lines:
+        length = _longest(machine, start, end, within)
+        if length > 0.0:
+            shapes.append(Shape(f"line {len(shapes) + FIRST_LINE}", start, end, thick, length))
     return tuple(shapes)
+
+
+def _back(line: tuple[ca.SX, ca.SX], other: tuple[ca.SX, ca.SX]) -> bool:
+    """Return whether a line is another one in the opposite direction."""
+    return all(ca.is_equal(ca.densify(a), ca.densify(b), 9) for a, b in zip(line, reversed(other), strict=True))
 
 
 def _longest(

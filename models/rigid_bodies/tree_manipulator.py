@@ -46,7 +46,7 @@ def manipulator(name: str, assembly: Assembly, notes: Sequence[str] = ()) -> Man
         bodies=bodies,
         tool=ca.densify(column(tool)),
         tool_metric=ca.sparsify(slope.T @ slope),
-        skeleton=_skeleton(assembly, posed, tool),
+        skeleton=_skeleton(assembly, posed, tool, bodies),
         drives=tuple(Drive(f"{'M' if c.unit == 'rad' else 'F'}_{c.name}", 1) for c in coordinates),
         frames={
             "coordinate": coordinate(q, metric),
@@ -128,8 +128,22 @@ def _shapes(assembly: Assembly, posed: Placements) -> tuple[Shape, ...]:
     return tuple(result)
 
 
-def _skeleton(assembly: Assembly, posed: Placements, tool: Sequence[ca.SX | float]) -> ca.SX:
-    """Return the origins of the joints from the base to the tool as corners (3, k)."""
-    path = list(reversed(posed.recursions.tree.path(assembly.tree.poses[0].link)))
-    corners = [column(posed.pose(1 + i)[1]) for i in path]
-    return ca.densify(ca.horzcat(ca.SX(3, 1), *corners, column(tool)))
+def _skeleton(assembly: Assembly, posed: Placements, tool: Sequence[ca.SX | float], bodies: Sequence[Body]) -> ca.SX:
+    """Return the corners (3, k) of a line from the base to the tool.
+
+    It goes into every side branch, to the mass centre of its last link, and back.
+    """
+    tree, base = posed.recursions.tree, ca.SX(3, 1)
+    way = list(reversed(tree.path(assembly.tree.poses[0].link)))
+    corners = [column(posed.pose(1 + i)[1]) for i in range(len(tree.joints))]
+
+    def aside(i: int) -> list[ca.SX]:
+        beyond = [[*aside(k), corners[i]] for k in tree.children(i)] or [[bodies[i].centre, corners[i]]]
+        return [corners[i], *(corner for part in beyond for corner in part)]
+
+    line = [base]
+    for i, at in zip([-1, *way], [base, *(corners[k] for k in way)], strict=True):
+        line += [at] if i >= 0 else []
+        for k in tree.children(i):
+            line += [*aside(k), at] if k not in way else []
+    return ca.densify(ca.horzcat(*line, column(tool)))
