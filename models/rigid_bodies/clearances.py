@@ -14,12 +14,12 @@ from models.rigid_bodies.region_distances import segment_distance, signed_distan
 from ocp import checks
 from ocp.checks import Array
 from ocp.numerics.evaluation import evaluate
-from ocp.problem.regions import Region
+from ocp.problem.regions import HalfSpace, Region
 
 SAMPLES = 41  # points of a capsule among which the one nearest to an obstacle is looked for
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 STEPS = 40  # of the search between them
-FLOOR, FIRST_LINE = "floor", 1  # number of the line of a skeleton that stands on the floor
+FLOOR = "floor"
 
 
 @dataclass(frozen=True)
@@ -93,12 +93,17 @@ def distances(
         signed = signed_distance(region)
         apart = {shape.body: [] for shape in moving}  # type: dict[str, list[Array]]
         for shape in moving:
-            apart[shape.body].append(_from_line(signed, lines[:, number[id(shape)]]) - shape.radius)
+            ends = lines[:, number[id(shape)]]
+            if isinstance(region, HalfSpace):
+                nearest = np.min([signed(ends[:, k]) for k in _moved_ends(machine, shape)], axis=0)
+            else:
+                nearest = _from_line(signed, ends)
+            apart[shape.body].append(nearest - shape.radius)
         result += [_nearest(body, name, several) for body, several in apart.items()]
     if floor is not None:
         apart = {shape.body: [] for shape in moving}
         for shape in moving:
-            heights = lines[:, number[id(shape)], :, 2]
+            heights = lines[:, number[id(shape)], _moved_ends(machine, shape), 2]
             apart[shape.body].append(np.min(heights, axis=1) - shape.radius - floor)
         result += [_nearest(body, FLOOR, several) for body, several in apart.items()]
     for first, second in named_pairs(pairs, {shape.body for shape in shapes}):
@@ -163,14 +168,32 @@ def shapes_of(machine: Manipulator) -> tuple[Shape, ...]:
 
 
 def movable(machine: Manipulator) -> tuple[Shape, ...]:
-    """Return the capsules that are kept away from obstacles and the floor.
+    """Return the capsules that are kept away from obstacles.
 
-    All but those of the first body or the first line of a skeleton, which stand on the floor, and those that no
-    coordinate moves.
+    All but those that no coordinate moves and those of the first body, with the lines of a skeleton that move as it
+    does. A point that no coordinate moves may stand on the floor.
     """
-    shapes, bases = shapes_of(machine), (machine.bodies[0].name, f"line {FIRST_LINE}")
-    moved = [shape for shape in shapes if ca.depends_on(ca.vertcat(shape.start, shape.end), machine.q)]
-    return tuple(shape for shape in moved if shape.body not in bases) or tuple(moved) or shapes
+    shapes, first = shapes_of(machine), machine.bodies[0]
+    placed = ca.vertcat(first.centre, ca.vec(first.orientation))
+    others = ca.vertcat(*(q for q in ca.vertsplit(machine.q) if not ca.depends_on(placed, q)))
+    bodies = {body.name for body in machine.bodies}
+    moved = [shape for shape in shapes if ca.depends_on(_places(shape), machine.q)]
+    beyond = (
+        shape
+        for shape in moved
+        if shape.body != first.name and (shape.body in bodies or ca.depends_on(_places(shape), others))
+    )
+    return tuple(beyond) or tuple(moved) or shapes
+
+
+def _moved_ends(machine: Manipulator, shape: Shape) -> list[int]:
+    """Return which ends of a capsule coordinates move; both if none."""
+    moved = [k for k, end in enumerate((shape.start, shape.end)) if ca.depends_on(end, machine.q)]
+    return moved or [0, 1]
+
+
+def _places(shape: Shape) -> ca.SX:
+    return ca.vertcat(shape.start, shape.end)
 
 
 def without_capsules(machine: Manipulator) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ import numpy as np
 from models.machines.manipulator import Manipulator
 from models.machines.shapes import Shape
 from models.rigid_bodies.clearances import (
-    FIRST_LINE,
     capsule_ends,
     movable,
     named_pairs,
@@ -87,8 +86,8 @@ def skeleton_shapes(
     lines = [line for k, line in enumerate(lines) if not any(_back(line, other) for other in lines[:k])]
     for start, end in lines:
         length = _longest(machine, start, end, within)
-        if length > 0.0:
-            shapes.append(Shape(f"line {len(shapes) + FIRST_LINE}", start, end, thick, length))
+        if length > 1e-9:
+            shapes.append(Shape(f"line {len(shapes) + 1}", start, end, thick, length))
     return tuple(shapes)
 
 
@@ -121,8 +120,18 @@ def _longest(
 
 
 def with_shapes(machine: Manipulator, shapes: Sequence[Shape]) -> Manipulator:
-    """Return the machine with capsules of `body_capsule` beside those that it has."""
-    return replace(machine, shapes=(*machine.shapes, *checks.several("shapes", shapes, "a list of Shapes")))
+    """Return the machine with capsules of `body_capsule` beside those that it has.
+
+    Raises:
+        ValueError: a capsule was made for another machine.
+    """
+    given = checks.several("shapes", shapes, "a list of Shapes")
+    known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(machine.q, *machine.symbols.values()))}
+    for shape in given:
+        checks.instance("shapes, each", shape, Shape, "a Shape of body_capsule(...) or skeleton_shapes(...)")
+        if any(symbol.element_hash() not in known for symbol in ca.symvar(ca.vertcat(shape.start, shape.end))):
+            raise ValueError(f"shapes: {shape.body!r} was made for another machine than this {machine.name}")
+    return replace(machine, shapes=(*machine.shapes, *given))
 
 
 def keep_clear(
@@ -146,7 +155,7 @@ def keep_clear(
     Args:
         machine: with capsules (of its Links, of a URDF file, or by `with_shapes`), the one that the system is made of.
         obstacles: Ball, Box, Cylinder or HalfSpace, by name or as a list, for all capsules but those that do not move
-            and those of the first body (of a skeleton: the first line), which stands on the floor.
+            and those of the first body; points that no joint moves, where the arm stands on its base, are left out.
         pairs: names of two bodies that must not touch.
         floor: height below which none of these capsules may be [m].
         clearance: distance that is kept along the whole motion >= 0 [m].
@@ -157,19 +166,23 @@ def keep_clear(
     Raises:
         ValueError: the machine has no capsules, or a pair has a body without one.
     """
-    spheres = _spheres(machine, checks.number("cover", cover, "a distance > 0 in m", above=0.0))
+    stuck_out = checks.number("cover", cover, "a distance > 0 in m", above=0.0)
     distance = checks.number("clearance", clearance, "a distance >= 0 in m")
     if distance < 0.0:
         raise checks.refused("clearance", clearance, "a distance >= 0 in m")
     spare = checks.number("margin", margin, "a distance > 0 in m", above=0.0)
     distance += spare
-    bodies = {shape.body for shape in movable(machine)}
-    moving = [sphere for sphere in spheres if sphere.body in bodies]
-    # Half spaces meet a capsule at one of its ends first.
-    ends = [sphere for sphere in _ends(machine) if sphere.body in bodies]
+    shapes = movable(machine)
+    moving, ends = (
+        # A point that no joint moves is where it is, and may stand on the floor.
+        [one for one in spheres if ca.depends_on(one.centre, machine.q)] or spheres
+        # Half spaces meet a capsule at one of its ends first.
+        for spheres in (_spheres(shapes, stuck_out), _ends(shapes))
+    )
     result: list[Constraint] = []
     for called, region in named_regions(obstacles).items():
-        for body in bodies:
+        kept = ends if isinstance(region, HalfSpace) else moving
+        for body in dict.fromkeys(sphere.body for sphere in kept):
             name = f"clearance of {body} from {called} (1 at its surface)"
             if isinstance(region, HalfSpace):
                 own = [sphere for sphere in ends if sphere.body == body]
@@ -185,7 +198,7 @@ def keep_clear(
         height = checks.number("floor", floor, "a height in m")
         lowest = ca.vertcat(*(sphere.centre[2] - sphere.radius for sphere in ends))
         result.append(along(lowest, lower=height + distance, name="height of the links above the floor", between=spare))
-    spheres = _spheres(machine, cover / 2.0)
+    spheres = _spheres(shapes_of(machine), cover / 2.0)
     for first, second in named_pairs(pairs, {sphere.body for sphere in spheres}):
         both = [(one, other) for one in spheres if one.body == first for other in spheres if other.body == second]
         apart = [one.radius + other.radius + distance for one, other in both]
@@ -235,10 +248,10 @@ def self_pairs(machine: Manipulator) -> tuple[tuple[str, str], ...]:
     return tuple(result)
 
 
-def _ends(machine: Manipulator) -> list[Sphere]:
+def _ends(shapes: Sequence[Shape]) -> list[Sphere]:
     """Return the balls at both ends of every capsule, each point once."""
     result: list[Sphere] = []
-    for shape in shapes_of(machine):
+    for shape in shapes:
         for centre in (shape.start, shape.end):
             same = (one for one in result if one.body == shape.body and one.radius == shape.radius)
             if not any(ca.is_equal(one.centre, centre, 4) for one in same):
@@ -246,9 +259,9 @@ def _ends(machine: Manipulator) -> list[Sphere]:
     return result
 
 
-def _spheres(machine: Manipulator, cover: float) -> list[Sphere]:
+def _spheres(shapes: Sequence[Shape], cover: float) -> list[Sphere]:
     result = []
-    for shape in shapes_of(machine):
+    for shape in shapes:
         # Balls of radius R at distances d contain the capsule where R^2 = r^2 + (d / 2)^2.
         widest = 2.0 * np.sqrt((shape.radius + cover) ** 2 - shape.radius**2)
         count = int(np.ceil(shape.length / widest)) + 1 if shape.length > 0.0 else 1

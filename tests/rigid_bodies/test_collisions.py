@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from models import Joint, Kind, Link, Parameter, cylindrical, robots, serial, spherical, torus
+from models import Joint, Kind, Link, Parameter, cylindrical, robots, serial, spherical, torus, tree
 from models.effects import Gravity
 from models.forms import canonical
 from models.rigid_bodies import (
@@ -238,3 +238,43 @@ def test_the_machines_of_the_paper_take_capsules_too():
 def test_wrong_arguments(call, words):
     with pytest.raises((ValueError, TypeError), match=words):
         call()
+
+
+@pytest.mark.parametrize("make", [robots.manutec_r3, torus], ids=["manutec", "torus"])
+def test_the_link_at_the_base_is_kept_clear_as_well(make):
+    # The first line of these skeletons is a link that swings; it was left out before.
+    machine = make()
+    shaped = with_shapes(machine, skeleton_shapes(machine, 0.06))
+    line = shaped.shapes[0]
+    q = [0.3, 0.4, 0.5]
+    middle = ca.Function("m", [machine.q], [(line.start + line.end) / 2])(q).full().ravel()
+    ball = Ball(tuple(middle), 0.05)
+    assert least_clearance(shaped, [q], [ball])["Ball_1"] == pytest.approx(-0.11)
+    rows = {c.name: c.expression for c in keep_clear(shaped, [ball])}
+    values = {name: float(ca.Function("r", [machine.q], [row])(q)) for name, row in rows.items()}
+    assert values["clearance of line 1 from Ball_1 (1 at its surface)"] < 1.0
+    # Where the arm stands on its base it may stand on the floor; the other end may not go below.
+    (floor,) = keep_clear(shaped, floor=0.0)
+    assert all(ca.depends_on(row, machine.q) for row in ca.vertsplit(floor.expression))
+    height = float(ca.Function("z", [machine.q], [line.end[2]])(q))
+    assert least_clearance(shaped, [q], floor=0.0)["floor"] <= height - 0.06 + 1e-12
+    ends = ca.Function("f", [machine.q], [ca.mmin(floor.expression)])
+    assert float(ends(q)) == pytest.approx(least_clearance(shaped, [q], floor=0.0)["floor"], abs=1e-12)
+    with pytest.raises(ValueError, match="was made for another machine"):
+        with_shapes(make(), skeleton_shapes(machine, 0.06))
+
+
+def test_skeletons_of_trees_show_their_side_branches():
+    link = Link(1.0, (0.2, 0.0, 0.0), (0.01, 0.01, 0.01))
+    joints = [
+        Joint("a", link=link),
+        Joint("left", parent="a", origin=(0.5, 0.0, 0.0), link=link),
+        Joint("beyond", parent="left", origin=(0.0, 0.4, 0.0), link=link),
+        Joint("right", parent="a", origin=(0.5, 0.0, 0.0), axis=(0.0, 0.0, 1.0), link=link),
+    ]
+    machine = tree(joints, tip="right", tool=(0.3, 0.0, 0.0))
+    corners = ca.Function("s", [machine.q], [machine.skeleton])([0.0] * 4).full().T[:, :2]
+    wanted = [(0, 0), (0, 0), (0.5, 0), (0.5, 0.4), (0.7, 0.4), (0.5, 0.4), (0.5, 0), (0, 0), (0.5, 0), (0.8, 0)]
+    assert corners == pytest.approx(np.array(wanted, dtype=float))
+    lengths = [shape.length for shape in skeleton_shapes(machine, 0.05)]
+    assert lengths == pytest.approx([0.5, 0.4, 0.2, 0.3])

@@ -81,7 +81,7 @@ files with boxes, cylinders and spheres have capsules; others get them along the
 with `[[collisions.capsules]]` (points from the mass centre of the body, in its axes). A start or a goal that touches
 something, or is nearer than the clearance, is refused at once, with both bodies and the distance. The account, the
 report and `--json` state the least distances of the motion found, measured between the nodes, with their times. The
-first body (line 1 of a skeleton) stands on the floor and is left out; `inside` is for the tool only.
+first body stands on the floor and is left out, with points that no joint moves; `inside` is for the tool only.
 
 ```toml
 machine = { robot = "ur5" }
