@@ -199,7 +199,7 @@ def _places(shape: Shape) -> ca.SX:
 def without_capsules(machine: Manipulator) -> tuple[str, ...]:
     """Return the bodies that nothing is kept away from, as neither they nor the lines of the arm have capsules."""
     shaped = {shape.body for shape in machine.shapes}
-    if f"line {FIRST_LINE}" in shaped:
+    if "line 1" in shaped:
         return ()
     return tuple(body.name for body in machine.bodies[1:] if body.name not in shaped)
 
