@@ -30,6 +30,7 @@ from reports.own_models import add_own_models, include_own_models
 from reports.verdict import verdict
 
 from models import Motion, Scene, plots
+from models.forms import inverse
 from models.plots.signals import curve, minimised, phases
 from models.scenes import catalogue
 from models.scenes.scene_template import TASKS, scene_text
@@ -237,12 +238,19 @@ def chosen(parser: argparse.ArgumentParser, options: argparse.Namespace) -> tupl
         changes[table] = {**(changes[table]), key: given}
         document = _changed(document, {table: changes.pop(table)})
     document = _changed(document, {key: value for key, value in changes.items() if value is not None})
+    if options.form == inverse.__name__ and options.frame is None:  # a frame of the file is that of its own form
+        document = _without(document, "frame")
     return *of_document(document), document
 
 
 def _changed(document: Table, changes: dict[str, object]) -> Table:
     lines = {key: line for key, line in document.lines.items() if key not in ("form", "frame") or key not in changes}
     return Table(document.file, lines, document.key, {**document.entries, **changes})
+
+
+def _without(document: Table, name: str) -> Table:
+    entries = {key: value for key, value in document.entries.items() if key != name}
+    return Table(document.file, document.lines, document.key, entries)
 
 
 def command_line() -> argparse.ArgumentParser:

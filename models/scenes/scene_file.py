@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
+from models.forms import inverse
 from models.machines.manipulator import Manipulator
 from models.machines.parameters import Parameter, unit_of
 from models.mechanics.terms import Effect, gather
@@ -37,7 +38,9 @@ def read_scene(document: Table, symbols: Collection[str] = ()) -> Scene:
         machine = _machine(machines[document.text("machine", machines)], document.table("parameters"), symbols)
     machine = with_links(document, machine)
     form = forms[document.text("form", forms, "canonical")]
-    frame = document.entries.get("frame", "regular" if machine.recursion is None else None)
+    frame = document.entries.get("frame", "regular" if machine.recursion is None and form is not inverse else None)
+    if frame is not None and form is inverse:
+        raise document.error("frame", "the form inverse has none, its control is the acceleration; leave it out")
     if frame is not None and not isinstance(frame, str):
         raise document.error("frame", f"got {describe(frame)}, expected one of {', '.join(machine.frames)}")
     try:

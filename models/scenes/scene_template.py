@@ -91,7 +91,7 @@ def _head(name: str, machine: Manipulator) -> Iterator[str]:
         "",
         f'machine = "{name}"'.ljust(24) + f"# {', '.join(catalogue.machines())}",
         'form = "canonical"'.ljust(24) + f"# {', '.join(catalogue.forms())}",
-        'frame = "regular"'.ljust(24) + f"# {', '.join(machine.frames)}",
+        'frame = "regular"'.ljust(24) + f"# {', '.join(machine.frames)}; none with inverse",
         "",
     )
 

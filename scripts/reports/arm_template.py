@@ -79,7 +79,7 @@ def _head(arm: Manipulator, entry: str, note: str) -> Iterator[str]:
     yield ""
     yield f"machine = {entry}" + (f"  # {note}" if note else "")
     yield 'form = "canonical"'.ljust(24) + f"# {', '.join(catalogue.forms())}"
-    yield f'frame = "{arm.default_frame}"'.ljust(24) + f"# {', '.join(arm.frames)}"
+    yield f'frame = "{arm.default_frame}"'.ljust(24) + f"# {', '.join(arm.frames)}; none with inverse"
     yield ""
 
 

@@ -179,6 +179,15 @@ def test_links_without_capsules_are_named_and_can_have_some(tmp_path):
     assert task.clearance.notes == ()
 
 
+def test_accelerations_as_controls_have_no_frame():
+    scene, task = task_file.of_text(SLIDES.replace('"cylindrical"', '"cylindrical"\nform = "inverse"'), "lift.toml")
+    assert scene.form_name == "inverse"
+    assert task.problem(scene.system)
+    framed = SLIDES.replace('"cylindrical"', '"cylindrical"\nform = "inverse"\nframe = "regular"')
+    with pytest.raises(SceneError, match=r"line 3: frame: the form inverse has none"):
+        task_file.of_text(framed, "lift.toml")
+
+
 def test_an_orientation_of_a_machine_without_axes_of_its_tool():
     text = SLIDES.replace("to = [2.0, 0.8, 0.8]", "to = { tool = [0.5, 0.5, 0.5], orientation_deg = [0, 0, 90] }")
     with pytest.raises(SceneError, match=r"line 10: task.to.orientation_deg: is for arms of links"):

@@ -52,7 +52,7 @@ executes nothing.
 | key | what | default |
 |---|---|---|
 | `machine` | `cylindrical`, `spherical`, `torus`, or of `--with`; `{ robot = "ur5" }`; `{ urdf = "a.urdf" }` | none |
-| `form`, `frame` | of the equations | `canonical`, `regular` |
+| `form`, `frame` | of the equations; `inverse` has no frame | `canonical`, `regular` |
 | `[parameters]` | of the machine, by name | those of the machine |
 | `[effects.NAME]` | one table for each effect that is on, its fields as keys | no effect |
 | `[limits]` | any signal along the motion: a number for both directions, or `{ lower = ..., upper = ... }` | effects |
