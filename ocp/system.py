@@ -61,8 +61,9 @@ class Implicit:
         value: (ny,) y in terms of x, u, p.
         solve: function (x, u, p, b) -> (dG/dy)^-1 b, b of shape (ny,).
         signals: name -> expression in x, u, p, y of signals that are shorter in y.
-        mirror: numbers W (nx, nx) and an expression `rest` (nx,) with d(rate)/dy = d(rest)/dy + W (dG/dx)', for rates
-            with the gradient by x of the function whose gradient by y is G; None for others.
+        mirror: matrix W (nx, nx), numbers or in terms of p, and an expression `rest` (nx,) with d(rate)/dy =
+            d(rest)/dy + W (dG/dx)', for rates with the gradient by x of the function whose gradient by y is G; None for
+            others.
     """
 
     y: ca.SX
@@ -71,7 +72,7 @@ class Implicit:
     value: ca.SX
     solve: ca.Function
     signals: Mapping[str, ca.SX] = field(default_factory=dict)
-    mirror: tuple[ca.DM, ca.SX] | None = None
+    mirror: tuple[ca.DM | ca.SX, ca.SX] | None = None
 
     def extended(self, old: tuple[ca.SX, ca.SX], new: tuple[ca.SX, ca.SX], p: ca.SX, rate: ca.SX) -> Implicit:
         """Return the same for a system whose x and u were `old`, with `new` ones and the `rate` of added states."""

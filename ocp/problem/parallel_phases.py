@@ -17,7 +17,7 @@ import casadi as ca
 from ocp.problem.constraints import Constraint, Where, along, end, simple, start
 from ocp.problem.problem import Bolza, Fixed, Problem
 from ocp.problem.sequence import Sequence
-from ocp.system import Label, System
+from ocp.system import Implicit, Label, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,12 @@ class Part:
         result = ca.Function("put", [system.x, system.u, system.p], [expression]).call([x, u, p])[0]
         assert isinstance(result, ca.SX)
         return result
+
+    def put_inner(self, implicit: Implicit, y: ca.SX, *expressions: ca.SX) -> list[ca.SX]:
+        """Return expressions in the unknowns of an implicit rate of the phase, in y and the symbols of all phases."""
+        system = self.system
+        inner = ca.Function("inner", [system.x, system.u, system.p, implicit.y], list(expressions))
+        return list(inner.call([*self.symbols[:3], y]))
 
 
 def in_parallel(sequence: Sequence) -> ParallelPhases:
@@ -161,16 +167,55 @@ def _assembled(
         )
         for name in ("x", "u", *sorted(shared))
     }
+    columns = (ca.vertcat(*(part.symbols[i] for part in parts)) for i in (0, 1))
+    x, u, p = *columns, ca.vertcat(*symbols.values())
     system = System(
-        ca.vertcat(*(part.symbols[0] for part in parts)), ca.vertcat(*(part.symbols[1] for part in parts)),
-        ca.vertcat(*symbols.values()), ca.vertcat(*(part.symbols[3] * part.put(part.system.rate) for part in parts)),
+        x, u, p, ca.vertcat(*(part.symbols[3] * part.put(part.system.rate) for part in parts)),
         {name: ca.vertcat(*(ca.vec(part.put(part.system[name])) for part in parts)) for name in sorted(shared)},
         values, labels,
         singular=tuple(
             replace(item, quantity=part.put(item.quantity)) for part in parts for item in part.system.singular
         ),
+        implicit=_implicit(parts, (x, u, p), sorted(shared)),
     )  # fmt: skip
     return system, tuple(parts), tuple(ends)
+
+
+def _implicit(parts: list[Part], symbols: tuple[ca.SX, ca.SX, ca.SX], shared: list[str]) -> Implicit | None:
+    """Return the rate of all phases with the unknowns of those whose rates have some; None if no rate has any."""
+    if all(part.system.implicit is None for part in parts):
+        return None
+    ys, residuals, values, solved, rates, rests, weights = ([] for _ in range(7))
+    signals: dict[str, list[ca.SX]] = {name: [] for name in shared}
+    rights = []
+    for part in parts:
+        implicit, duration, nx = part.system.implicit, part.symbols[3], part.system.x.numel()
+        explicit = duration * part.put(part.system.rate)
+        if implicit is None:
+            rates.append(explicit)
+            rests.append(explicit)
+            weights.append(ca.SX(nx, nx))
+            for name in shared:
+                signals[name].append(ca.vec(part.put(part.system[name])))
+            continue
+        y, right = ca.SX.sym("y", implicit.y.numel()), ca.SX.sym("b", implicit.y.numel())
+        zero, rest = implicit.mirror or (ca.DM(nx, nx), implicit.rate)
+        short = [ca.vec(implicit.signals.get(name, part.system[name])) for name in shared]
+        rate, rest, residual, *named = part.put_inner(implicit, y, implicit.rate, rest, implicit.residual, *short)
+        ys.append(y)
+        residuals.append(residual)
+        values.append(part.put(implicit.value))
+        rights.append(right)
+        solved.append(implicit.solve(*part.symbols[:3], right))
+        rates.append(duration * rate)
+        rests.append(duration * rest)
+        weights.append(duration * zero)
+        for name, own in zip(shared, named, strict=True):
+            signals[name].append(own)
+    solve = ca.Function("solve", [*symbols, ca.vertcat(*rights)], [ca.vertcat(*solved)])
+    common = {name: ca.vertcat(*own) for name, own in signals.items()}
+    y, rate, residual, value, rest = (ca.vertcat(*own) for own in (ys, rates, residuals, values, rests))
+    return Implicit(y, rate, residual, value, solve, common, (ca.diagcat(*weights), rest))
 
 
 def _size(system: System, name: str) -> int:

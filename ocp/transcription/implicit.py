@@ -133,6 +133,8 @@ def inner_of(
     mirror = None
     if weights is not None:
         nx, factors = system.x.numel(), ca.DM(np.outer(1.0 / scale, 1.0 / scale).tolist())
+        if isinstance(weights, ca.SX):
+            weights = ca.Function("weights", [system.p], [weights])(physical[2])
         mirror = ca.SX(values.numel(), arguments.numel())
         mirror[:nx, :nx] = step * (weights * factors)
     return Inner(y, values, residual, explicit, lambda right: implicit.solve(*physical, right), mirror, plain)

@@ -10,8 +10,9 @@ import pytest
 from models import Parameter, robots, spherical
 from models.effects import ElasticDrive, Gravity, Payload, Viscous
 from models.forms import canonical, lagrange
-from ocp import Problem, absolute, extend, integral, point_to_point, prepare, solve, uniform
+from ocp import Problem, Sequence, absolute, extend, integral, point_to_point, prepare, solve, uniform
 from ocp.problem.integral_constraints import without_integrals
+from ocp.problem.parallel_phases import in_parallel
 from ocp.transcription.implicit import Inner
 
 FORMS = pytest.mark.parametrize("form", [canonical, lagrange], ids=lambda form: form.__name__)
@@ -101,6 +102,28 @@ def test_a_motion_takes_the_same_iterates():
     assert short.ok
     assert short.iterations == long.iterations
     assert short.duration == pytest.approx(long.duration, rel=1e-9)  # the tolerance of IPOPT is 1e-8
+
+
+@FORMS
+@pytest.mark.parametrize("mixed", [False, True], ids=["all short", "one of two"])
+def test_phases_in_parallel_keep_the_inner_unknowns(form, mixed):
+    machine = robots.arm_3r()
+    load = Payload(Parameter(2.0), offset=(0.1, 0.0, 0.05))
+    free, loaded = form(machine, [Gravity()]), form(machine, [Gravity(), load])
+    free = replace(free, implicit=None) if mixed else free
+    first = point_to_point(free, [0.0, 0.0, 0.0], [1.0, 0.6, -0.5], limits=machine.limits)
+    second = point_to_point(loaded, [1.0, 0.6, -0.5], [0.0, 0.2, 0.1], limits=machine.limits)
+    problem = in_parallel(Sequence([first, second], ["q"])).problem
+    assert problem.system.implicit.y.numel() == (3 if mixed else 6)
+    long = replace(problem, system=replace(problem.system, implicit=None))
+    short, explicit = (prepare(one, grid=uniform(3)).joined.scaled.derivatives for one in (problem, long))
+    rng = np.random.default_rng(5)
+    for name, scale in (("jac_g", 1e-12), ("hess_lag", 1e-11)):
+        one, other = short[name], explicit[name]
+        given = [rng.uniform(0.5, 1.0, one.numel_in(i)) for i in range(one.n_in())]
+        values = [function.call(given)[-1].full() for function in (one, other)]
+        assert np.max(np.abs(values[0] - values[1])) < scale * np.max(np.abs(values[1]))
+        assert np.count_nonzero(values[0])
 
 
 def test_limits_of_velocities_use_the_inner_unknowns():
