@@ -61,9 +61,8 @@ class Implicit:
         value: (ny,) y in terms of x, u, p.
         solve: function (x, u, p, b) -> (dG/dy)^-1 b, b of shape (ny,).
         signals: name -> expression in x, u, p, y of signals that are shorter in y.
-        mirror: matrix W (nx, nx), numbers or in terms of p, and an expression `rest` (nx,) with d(rate)/dy =
-            d(rest)/dy + W (dG/dx)', for rates with the gradient by x of the function whose gradient by y is G; None for
-            others.
+        mirror: W (nx, nx), numbers or in p, and `rest` (nx,) with d(rate)/dy = d(rest)/dy + W (dG/dx)', for rates with
+            the gradient by x of the function whose gradient by y is G; None for others.
     """
 
     y: ca.SX

@@ -19,6 +19,7 @@ from ocp.solving.guess_rungs import (
     CoarseGrid,
     LeastEffort,
     LongerDuration,
+    OneTurn,
     Rung,
     Smooth,
     Solvable,
@@ -34,7 +35,7 @@ INSTANT = 0.02  # seconds within which a rung has found that it does not apply
 PATIENCE = 30.0  # seconds after which the default ladder tries no further rung
 ADVICE_ITERATIONS, ADVICE_SECONDS = 200, 10.0  # to find the shortest motion when a fixed duration seems too short
 
-DEFAULT: tuple[Rung, ...] = (Smooth(), StraightLine(), CoarseGrid(), LeastEffort(), WiderLimits())
+DEFAULT: tuple[Rung, ...] = (Smooth(), OneTurn(), StraightLine(), CoarseGrid(), LeastEffort(), WiderLimits())
 AT_ONCE = LongerDuration()  # where a duration collapses or iterates diverge
 
 

@@ -10,12 +10,13 @@ import casadi as ca
 import numpy as np
 
 from ocp import checks
-from ocp.problem.constraints import Constraint, Where, simple
+from ocp.problem.constraints import Constraint, Where, along, simple
 from ocp.problem.problem import Bolza, Fixed, Free, Problem
 from ocp.problem.sequence import Sequence, parameter_values, phases_of
 from ocp.solving.first_guesses import phase_guesses, smooth, straight_line
 from ocp.solving.guess_conversion import AnySolution, as_guesses
 from ocp.solving.nlp_solver import NlpSettings, limited
+from ocp.solving.whole_turns import TURN, angles_without_limits
 from ocp.transcription.grid import Grid
 from ocp.transcription.guess import Guess
 
@@ -159,6 +160,40 @@ class LongerDuration:
         longer = Sequence(phases, sequence.links) if isinstance(sequence, Sequence) else phases[0]
         result = prepared((Smooth(), StraightLine()), values, longer)
         return (as_guesses(prepared.problem, result), True) if result.ok else None
+
+
+@dataclass(frozen=True)
+class OneTurn:
+    """Solution with angles near zero; their bounds are then released.
+
+    For controls without limits in which the equations have the period 2 pi, such as a direction: every motion has
+    them within half a turn of zero, but iterates may wander by many turns.
+
+    Args:
+        turns: largest absolute angle, more than half a turn, so that no optimum needs to touch the bounds.
+    """
+
+    turns: float = 0.75
+
+    def __post_init__(self) -> None:
+        checks.number("OneTurn: turns", self.turns, "a number > 0.5", above=0.5)
+
+    def __call__(self, prepared: Solvable, values: Values) -> tuple[list[Guess], bool] | None:
+        """Return the solution with the bounds, or None if it fails or no control is such an angle."""
+        old = phases_of(prepared.problem)
+        numbers = parameter_values(prepared.problem, values)
+        phases = [self._bounded(phase, own) for phase, own in zip(old, numbers, strict=True)]
+        if all(new is before for new, before in zip(phases, old, strict=True)):
+            return None
+        sequence = prepared.problem
+        narrow = Sequence(phases, sequence.links, sequence.closing) if isinstance(sequence, Sequence) else phases[0]
+        result = prepared.on(narrow, prepared.grid, prepared.settings, values)((Smooth(), StraightLine()), values)
+        return (as_guesses(prepared.problem, result), True) if result.ok else None
+
+    def _bounded(self, problem: Problem, values: list[float]) -> Problem:
+        most = self.turns * TURN
+        bounds = [along(problem.system.u[i], -most, most) for i in angles_without_limits(problem, values)]
+        return replace(problem, subject_to=(*problem.subject_to, *bounds)) if bounds else problem
 
 
 def _slower(problem: Problem, share: float) -> Problem:

@@ -44,7 +44,8 @@ def solve(
         grid: one that is given is kept where the motion is not resolved; default uniform(50), refined there.
         solver: settings, default Ipopt().
         guess: a Guess, a solution of the same system (on any grid) or its file, or a ladder of rungs; None for the
-            default ladder: a smooth motion, the straight line, a coarse grid, wider limits, until one is solved.
+            default ladder: a smooth motion, angles within one turn, the straight line, a coarse grid, least effort,
+            wider limits, until one is solved.
         values: of parameters, by name; nominal for the others.
 
     Returns:

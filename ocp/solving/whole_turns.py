@@ -1,13 +1,15 @@
-"""Controls that are angles: whole turns between neighbouring collocation points are removed."""
+"""Controls that are angles: which ones are; whole turns between neighbouring collocation points are removed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.arrays import probes
 from ocp.problem.constraints import Where
 from ocp.problem.problem import Problem
 from ocp.solution.solution import Solution
@@ -39,9 +41,10 @@ def without_whole_turns(solution: Solution) -> Solution:
     jumps = np.any(np.abs(np.diff(values, axis=0)) > np.pi, axis=0)
     if not jumps.any():
         return solution
-    low, high = problem.limits(Where.ALONG, problem.system.u)
-    free = np.flatnonzero(jumps & np.isinf(low) & np.isinf(high)).tolist()
-    angles = [i for i in free if _is_periodic(problem, solution, i)]
+    _, x, _, u = solution.samples(solution.scheme.points)
+    chosen = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
+    free = np.flatnonzero(jumps & _without_limits(problem)).tolist()
+    angles = [i for i in free if _is_periodic(problem, x[chosen], u[chosen], solution.parameters, i)]
     if not angles:
         return solution
     values = values.copy()
@@ -49,18 +52,45 @@ def without_whole_turns(solution: Solution) -> Solution:
     return replace(solution, controls=values.reshape(solution.controls.shape))
 
 
-def _is_periodic(problem: Problem, solution: Solution, i: int) -> bool:
-    """Return whether rates, cost and limits are the same with control i one turn further, along the motion."""
+def angles_without_limits(problem: Problem, values: Sequence[float]) -> list[int]:
+    """Return the indices of the controls without limits in which the equations have the period 2 pi.
+
+    Args:
+        problem: one phase.
+        values: of the parameters.
+    """
     system = problem.system
-    limited = [c.expression for c in problem.subject_to if c.where is Where.ALONG]
-    everything = ca.vertcat(system.rate, problem.minimise.running, *limited)
-    function = ca.Function("equations", [system.x, system.u, system.p], [ca.densify(everything)])
-    _, x, _, u = solution.samples(solution.scheme.points)
-    chosen = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).astype(int))
+    free = _without_limits(problem)
+    if not free.any():
+        return []
+    curved = np.array(ca.which_depends(_equations(problem), system.u, 2, False), dtype=bool)
+    nx, nu = system.x.numel(), system.u.numel()
+    points = probes((3, nx + nu), 0.3, 0.9)
+    p = np.array(values, dtype=float)
+    return [
+        i for i in np.flatnonzero(free & curved).tolist() if _is_periodic(problem, points[:, :nx], points[:, nx:], p, i)
+    ]
+
+
+def _without_limits(problem: Problem) -> Array:
+    low, high = problem.limits(Where.ALONG, problem.system.u)
+    return np.asarray(np.isinf(low) & np.isinf(high))
+
+
+def _equations(problem: Problem) -> ca.SX:
+    """Return rates, running cost and all constrained expressions in a column."""
+    constrained = [c.expression for c in problem.subject_to]
+    return ca.densify(ca.vertcat(problem.system.rate, problem.minimise.running, *constrained))
+
+
+def _is_periodic(problem: Problem, x: Array, u: Array, p: Array, i: int) -> bool:
+    """Return whether rates, cost and limits are the same with control i one turn further, at K states and controls."""
+    system = problem.system
+    function = ca.Function("equations", [system.x, system.u, system.p], [_equations(problem)])
     further = u.copy()
     further[:, i] += TURN
-    parameters = np.tile(solution.parameters[:, None], len(chosen))
-    here, there = (_values(function, x[chosen], one[chosen], parameters) for one in (u, further))
+    parameters = np.tile(p[:, None], len(x))
+    here, there = (_values(function, x, one, parameters) for one in (u, further))
     scale = np.max(np.abs(here), axis=1, keepdims=True)
     return bool(np.all(np.abs(there - here) <= SAME * scale + 1e-300))
 
