@@ -105,9 +105,11 @@ class ElasticDrive:
 
     @classmethod
     def typical(cls, sizes: Sizes) -> ElasticDrive:
-        """Return joints of 1e5 N m/rad (1e6 N/m) with rotors of 1e-4 kg m^2 behind usual gears."""
+        """Return joints of 1e5 N m/rad (1e6 N/m) with rotors of 1e-4 kg m^2 behind usual gears, or their own."""
         stiffness = tuple(1e5 if c.unit == "rad" else 1e6 for c in sizes.machine.coordinates)
-        return cls(stiffness, tuple(ROTOR * ratio**2 for ratio in sizes.ratio))
+        own = sizes.machine.rotors or (0.0,) * len(stiffness)
+        pairs = zip(own, sizes.ratio, strict=True)
+        return cls(stiffness, tuple(None if _is_there(rotor) else ROTOR * ratio**2 for rotor, ratio in pairs))
 
     def contribution(self, sizes: Sizes, motion: SolvedMotion, effects: Sequence[Effect]) -> Contribution:
         """Return the torque that oscillates in the joints: rotor and spring as an undamped oscillator sqrt(k / J)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from models.effects.effect_fields import Each, Fields, quantity, read_fields
+from models.effects.effect_fields import Each, Fields, Some, quantity, read_fields
 from models.machines.manipulator import Manipulator
 from models.machines.segments import chain_of
 from models.mechanics.contributions import ROTOR, Sizes
@@ -44,7 +44,7 @@ class RotorInertia:
         assumption A2.
     """
 
-    inertia: Each = quantity("kg m^2", at_least=0.0)
+    inertia: Some = quantity("kg m^2", at_least=0.0)
     ratio: Each = quantity("rad/rad or rad/m", 100.0)
     coupling: Sequence[Sequence[float]] | None = field(default=None, metadata={"unit": "rad/rad or m/m"})
     carried: bool | Sequence[bool] = False
@@ -65,8 +65,10 @@ class RotorInertia:
 
     @classmethod
     def typical(cls, sizes: Sizes) -> RotorInertia:
-        """Return rotors of 1e-4 kg m^2 with gears of 100 (300 rad/m)."""
-        return cls(ROTOR, sizes.ratio)
+        """Return rotors of 1e-4 kg m^2 with gears of 100 (300 rad/m) on the joints that have none of their own."""
+        own = sizes.machine.rotors or (0.0,) * len(sizes.ratio)
+        free = [isinstance(rotor, float) and rotor == 0.0 for rotor in own]
+        return cls(ROTOR if all(free) else tuple(ROTOR if one else None for one in free), sizes.ratio)
 
     def __call__(self, machine: Manipulator, so_far: Terms) -> Terms:
         """Return the metric."""

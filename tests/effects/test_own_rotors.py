@@ -8,8 +8,9 @@ import pytest
 from rigid_bodies.tree_engine import Engine
 
 from models import Joint, Link, Parameter, robots, serial
-from models.effects import ElasticDrive, Gravity
+from models.effects import ElasticDrive, Gravity, RotorInertia, Terms
 from models.forms import canonical, hamel, lagrange
+from models.mechanics.contributions import Sizes
 
 LINK = Link(3.0, (0.1, 0.05, 0.2), (0.05, 0.06, 0.04, 0.003, -0.002, 0.001))
 JOINTS = [
@@ -73,3 +74,14 @@ def test_rotors_of_published_robots():
 def test_a_joint_without_a_rotor_needs_an_inertia():
     with pytest.raises(ValueError, match="inertia_1: got None for a joint with a stiffness and without a rotor"):
         lagrange(robots.ur5(), [ElasticDrive(1e4, None)])
+
+
+def test_usual_drives_of_joints_with_rotors_keep_these():
+    arm = serial(JOINTS)
+    sizes = Sizes(arm, (1.0,) * 3, (1.0,) * 3)
+    assert RotorInertia.typical(sizes).inertia == (None,) * 3
+    assert ElasticDrive.typical(sizes).inertia == (None,) * 3
+    assert not RotorInertia.typical(sizes)(arm, Terms()).metric.nnz()
+    bare = Sizes(robots.ur5(), (1.0,) * 6, (1.0,) * 6)
+    assert RotorInertia.typical(bare).inertia == 1e-4
+    assert ElasticDrive.typical(bare).inertia == (1e-4 * 100.0**2,) * 6
