@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ocp.checks import Array
+from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Where, single_symbols
 from ocp.problem.nearby_states import nearby
 from ocp.problem.problem import Fixed, Problem
@@ -62,19 +63,35 @@ def _satisfying(problem: Problem, where: Where, x: Array, p: ca.DM) -> tuple[Arr
     slope = ca.densify(ca.jacobian(expression, system.x))
     function = ca.Function("ends", [system.x, system.p], [expression, slope])
     reached, whole = _by_gauss_newton(function, x, p, (low, high))
-    if not ca.depends_on(slope, system.x):
+    fixed = {index for index, lower, upper in bounds if lower == upper}
+    free = ca.vertcat(*(symbol for index, symbol in enumerate(ca.vertsplit(system.x)) if index not in fixed))
+    if not ca.depends_on(ca.jacobian(expression, free), free):
         return reached, whole
+    # Nonlinear conditions may have other solutions, and undamped steps end anywhere if they are far from satisfied.
     along = problem.limits(Where.ALONG, system.x)
-    near = nearby(function, x, p.full().ravel(), (low, high), along)
-    if near is None:
-        return reached, whole
-    # Where a nonlinear condition is far from satisfied, undamped steps end anywhere.
+    found = nearby(function, x, p.full().ravel(), (low, high), along)
+    if not len(found):
+        return reached, False
+    near = _first_allowed(problem, found, p)
     value = np.array(function(reached, p)[0]).ravel()
     kept = np.all(np.abs(np.clip(value, low, high) - value) <= SATISFIED * np.maximum(np.abs(value), 1.0))
     within = np.all((reached >= along[0]) & (reached <= along[1]))
     if kept and within and np.linalg.norm(reached - x) <= FARTHER * np.linalg.norm(near - x):
-        return reached, whole
-    return _by_gauss_newton(function, near, p, (low, high))
+        return _first_allowed(problem, np.stack([reached, near]), p), False
+    return _by_gauss_newton(function, near, p, (low, high))[0], False
+
+
+def _first_allowed(problem: Problem, states: Array, p: ca.DM) -> Array:
+    """Return the first of some states (K, nx) that keeps the limits on expressions of the state; the first, if none."""
+    system = problem.system
+    limits = [c for c in problem.subject_to if c.where is Where.ALONG and not ca.depends_on(c.expression, system.u)]
+    if not limits:
+        return np.asarray(states[0])
+    function = ca.Function("limits", [system.x, system.p], [ca.densify(ca.vertcat(*(c.expression for c in limits)))])
+    (values,) = evaluate(function, states, p.full().ravel())
+    low, high = (np.concatenate([getattr(c, side) for c in limits]) for side in ("lower", "upper"))
+    kept = np.all((values >= low) & (values <= high), axis=1)
+    return np.asarray(states[int(np.argmax(kept))])
 
 
 def _by_gauss_newton(function: ca.Function, x: Array, p: ca.DM, limits: tuple[Array, Array]) -> tuple[Array, bool]:

@@ -18,8 +18,8 @@ EXACT = 1e-9  # error of a condition relative to its Jacobian
 
 def nearby(
     function: ca.Function, near: Array, p: Array, limits: tuple[Array, Array], along: tuple[Array, Array]
-) -> Array | None:
-    """Return the state nearest to another one, of those found that satisfy conditions; None if there is none.
+) -> Array:
+    """Return the states (K, nx) that are found to satisfy conditions, the nearest to another state first.
 
     Damped Gauss-Newton steps (Levenberg and Marquardt) of limited length from many states at once, which move towards
     the near state where the conditions leave them free. Undamped steps from the near state alone jump far away.
@@ -50,7 +50,7 @@ def nearby(
         fine = np.all(np.isfinite(errors), axis=1) & np.all(np.isfinite(rows), axis=(1, 2))
         x, errors, rows = x[fine], errors[fine], rows[fine]
         if not len(x):
-            return None
+            return np.empty((0, len(near)))
         transposed = rows.swapaxes(1, 2)
         damping = 0.5 * np.sum(errors**2, axis=1) + 1e-14
         normal = rows @ transposed + damping[:, None, None] * np.eye(rows.shape[1])
@@ -61,9 +61,7 @@ def nearby(
         x = np.clip(x + span * change * np.minimum(1.0, LONGEST / np.maximum(largest, 1e-300)), low, high)
     errors, _ = _scaled(function, x, p, limits, span)
     found = x[np.max(np.abs(errors), axis=1) < EXACT]
-    if not len(found):
-        return None
-    return np.asarray(found[np.argmin(np.sum(((found - near) / span) ** 2, axis=1))])
+    return np.asarray(found[np.argsort(np.sum(((found - near) / span) ** 2, axis=1), kind="stable")])
 
 
 def _scaled(function: ca.Function, x: Array, p: Array, limits: tuple[Array, Array], span: Array) -> tuple[Array, Array]:
