@@ -42,10 +42,10 @@ SHARPER, FEW = 2, 30  # NLPs with state limits held by equations, and their iter
 AROUND = 2  # elements beside a limit that is held, on which it presses as well
 SAMPLES = 16  # of the guess on every element
 ITERATIONS, TOL = 100, 1e-7
-START = {
-    **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-8),
-    "mu_init": 1e-8, "constr_viol_tol": 1e-9, "mumps_permuting_scaling": 0, "mumps_scaling": 0,
-}  # fmt: skip
+START = {"constr_viol_tol": 1e-9, "mumps_permuting_scaling": 0, "mumps_scaling": 0}
+PUSHES = "bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"
+CLOSE = {**START, **dict.fromkeys(PUSHES, 1e-8), "mu_init": 1e-8}  # to a motion of the same polynomials
+NEXT = {**START, **dict.fromkeys(PUSHES, 1e-6), "mu_init": 1e-6}  # to one of others
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def settle_gently(task: ArcProblem, coarse: Solution, settings: Ipopt, budget: B
     near: _Judged | None = None  # that keeps its limits, whatever may be gained
     sharper, more = SHARPER, MORE
     reason, cheaper = "the structure does not settle", None
-    begin = replace(settings, tol=TOL, max_iter=ITERATIONS, extra={**settings.extra, **START})
+    begin = replace(settings, tol=TOL, max_iter=ITERATIONS, extra={**settings.extra, **CLOSE})
     for count in range(ROUNDS):
         if budget.left <= 0.0:
             break
@@ -172,7 +172,7 @@ def _sharpened(
         found = settle(task, judged.solution, arcs, settings, budget, again=False)
         return None if found.motion is None else found
     guess, iterations = from_solution(judged.solution, SAMPLES), 0
-    begin = replace(settings, max_iter=FEW, extra={**settings.extra, **START})
+    begin = replace(settings, max_iter=FEW, extra={**settings.extra, **NEXT})
     weight = abs(coarse.cost) / coarse.duration * NEAR
     for effort in (True, False):
         nlp = prepare_arcs(task, arcs, elements_of(arcs), guess, budget.limited(begin), weight, True, effort)

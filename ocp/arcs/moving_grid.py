@@ -22,7 +22,7 @@ from ocp.transcription.scaling import from_limits
 from ocp.transcription.schemes.radau_iia import radau
 from ocp.transcription.schemes.scheme import Scheme
 
-NARROWEST, WIDEST = 0.4, 1.8  # widths of the elements, shares of their mean
+NARROWEST, WIDEST = 0.4, 1.8  # widths of the elements, shares of their mean or of the given ones
 EVENNESS = 1e-3  # penalty on the differences of widths, share of the cost if each is as large as the mean width
 SETTINGS = Ipopt(
     tol=1e-9, max_iter=150, progress=False,
@@ -37,9 +37,9 @@ def move_grid(
 ) -> Solution:  # fmt: skip
     """Solve again with the widths of the elements as unknowns.
 
-    A switch of a control inside an element costs a motion time; with widths between 0.4 and 1.8 of their mean, the
-    optimum has its switches at ends of elements. A penalty of 1e-3 on the differences of the widths determines those
-    that the switches do not.
+    A switch of a control inside an element costs a motion time; with widths between 0.4 and 1.8 of their mean (or of
+    the given ones, where these are narrower or wider), the optimum has its switches at ends of elements. A penalty of
+    1e-3 on the differences of the widths determines those that the switches do not.
 
     Args:
         solution: solved, on any grid.
@@ -67,7 +67,10 @@ def move_grid(
     z0 = pack(nlp, guess, numbers)
     z0[nlp.layout.horizon] = solution.duration * grid.widths / scaling.horizon
     low, high, rows_low, rows_high = bounds(nlp)
-    low[nlp.layout.horizon], high[nlp.layout.horizon] = np.array([NARROWEST, WIDEST]) * mean / scaling.horizon
+    # Where the given grid is finer than the mean, it stays so; where it is coarser, it may.
+    widths = solution.duration * grid.widths
+    low[nlp.layout.horizon] = NARROWEST * np.minimum(widths, mean) / scaling.horizon
+    high[nlp.layout.horizon] = WIDEST * np.maximum(widths, mean) / scaling.horizon
     rows_low[nlp.total] = horizon.lower if isinstance(horizon, Free) else horizon.duration
     rows_high[nlp.total] = horizon.upper if isinstance(horizon, Free) else horizon.duration
     solve_nlp = physical_solver(nlp.scaled, settings)

@@ -119,7 +119,7 @@ def run_named(motion: ArmMotion, seconds: float) -> dict[str, Any]:
         return _rounded(row | {"verified": False, "reason": solution.message})
     row |= {"verified": verify(solution).ok, **_polished(solution, seconds)}
     if not row["verified"]:
-        row |= _with_accelerations(motion) | _refined(gentle(problem), None)
+        row |= _with_accelerations(motion) | _refined(gentle(problem), None)[0]
     return _rounded(row)
 
 
@@ -132,9 +132,10 @@ def run_random(motion: ArmMotion, seconds: float) -> dict[str, Any]:
     row |= {"status": solution.status.name, "t_f": float(solution.duration)}
     if not solution.ok:
         return _rounded(row | {"reason": solution.message})
-    row |= {"verified_first": verify(solution).ok, **_refined(problem, solution)}
+    refined, last = _refined(problem, solution)
+    row |= {"verified_first": verify(solution).ok, **refined}
     # What is polished is the motion of least time, without the cost on effort.
-    exact = replace(solution, problem=motion.problem(), cost=float(solution.duration))
+    exact = replace(last, problem=motion.problem(), cost=float(last.duration))
     return _rounded(row | _polished(exact, seconds))
 
 
@@ -146,7 +147,7 @@ def _with_accelerations(motion: ArmMotion) -> dict[str, Any]:
     return row | {"t_inverse": float(solution.duration), "inverse_verified": solution.ok and verify(solution).ok}
 
 
-def _refined(problem: Problem, solution: Solution | None) -> dict[str, Any]:
+def _refined(problem: Problem, solution: Solution | None) -> tuple[dict[str, Any], Solution]:
     """Refine a motion with `gentle`, from 50 elements or from a solution, and verify it."""
     begun, quiet = time.process_time(), Ipopt(progress=False)
     row: dict[str, Any] = {}
@@ -154,13 +155,13 @@ def _refined(problem: Problem, solution: Solution | None) -> dict[str, Any]:
         solution = solve(problem, grid=uniform(ELEMENTS), solver=quiet)
         row = {"gentle_s": time.process_time() - begun, "gentle_iterations": solution.iterations}
     if not solution.ok:
-        return row | {"refined": False, "failures": solution.message}
+        return row | {"refined": False, "failures": solution.message}, solution
     begun = time.process_time()
     *_, last = solve_to_accuracy(problem, TOLERANCE, None, solution.grid, quiet, solution, seconds=SECONDS)
     row |= {"refine_s": time.process_time() - begun, "t_refined": float(last.duration), "elements": len(last.grid)}
     row |= {"t_error": float(last.accuracy.error), "reason_refined": last.accuracy.reason}
     report = verify(last)
-    return row | {"refined": last.ok and report.ok, "failures": "; ".join(report.failures)}
+    return row | {"refined": last.ok and report.ok, "failures": "; ".join(report.failures)}, last
 
 
 def _polished(solution: Solution, seconds: float) -> dict[str, Any]:

@@ -26,8 +26,9 @@ from ocp import (
     verify,
 )  # fmt: skip
 from ocp.arcs.least_effort import undetermined, with_effort, without_effort
-from ocp.arcs.moving_grid import NARROWEST, WIDEST, move_grid
+from ocp.arcs.moving_grid import NARROWEST, SETTINGS, WIDEST, move_grid
 from ocp.solution.structure import Kind
+from ocp.transcription.grid import Grid
 
 QUIET = Ipopt(progress=False)
 
@@ -52,6 +53,19 @@ def test_moved_grid_has_the_switches_between_its_elements():
             assert np.min(np.abs(moved.nodes - t)) < 1e-3
     widths = moved.grid.widths * len(moved.grid) * moved.duration / coarse.duration
     assert np.all((widths > NARROWEST - 1e-6) & (widths < WIDEST + 1e-6))
+
+
+def test_a_grid_that_is_finer_somewhere_may_stay_so():
+    known = problems.two_link()
+    ends = np.concatenate([np.linspace(0.0, 0.05, 11)[:-1], np.linspace(0.05, 1.0, 31)])
+    coarse = solve(known.problem, grid=Grid(ends), solver=QUIET)
+    first = move_grid(coarse, known.problem, solver=replace(SETTINGS, max_iter=1))
+    given, mean = coarse.grid.widths * coarse.duration, coarse.duration / len(coarse.grid)
+    np.testing.assert_allclose(first.grid.widths * first.duration, given, rtol=0.2)  # nothing is cut off at the start
+    assert np.min(given) < 0.5 * NARROWEST * mean
+    moved = move_grid(coarse, known.problem)
+    assert moved.ok
+    assert known.cost - 1e-9 < moved.cost < known.cost + 1e-5
 
 
 def test_moved_grid_keeps_a_fixed_duration():
