@@ -24,6 +24,7 @@ from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Constraint, along
 from ocp.problem.regions import HalfSpace, Region
 
+THINNEST = 1e-3  # smallest such distance; the number of spheres grows with the root of its inverse [m]
 COVER = 0.02  # spheres along a capsule stick out by at most this [m]
 OVERLAPS = 0.3  # share of random positions at which bodies that overlap by construction touch
 SHARPNESS = 16  # p of the smooth least distance, which is below the true one by 4 to 9 % for two to four near spheres
@@ -160,13 +161,13 @@ def keep_clear(
         floor: height below which none of these capsules may be [m].
         clearance: distance that is kept along the whole motion >= 0 [m].
         margin: additional distance at the nodes > 0; a smaller one needs more elements, a larger one costs way [m].
-        cover: how far the spheres stick out of the capsules at most > 0, those of pairs half as far each; a smaller
+        cover: how far the spheres stick out of the capsules at most >= 1 mm, those of pairs half as far each; a smaller
             one takes more of them [m].
 
     Raises:
         ValueError: the machine has no capsules, or a pair has a body without one.
     """
-    stuck_out = checks.number("cover", cover, "a distance > 0 in m", above=0.0)
+    stuck_out = _covering(cover)
     distance = checks.number("clearance", clearance, "a distance >= 0 in m")
     if distance < 0.0:
         raise checks.refused("clearance", clearance, "a distance >= 0 in m")
@@ -209,6 +210,13 @@ def keep_clear(
         name = f"distance of {first} and {second} (1 where they are too near)"
         result.append(along(smooth_least(ratios), lower=1.0, name=name, between=spare / max(apart)))
     return tuple(result)
+
+
+def _covering(cover: float) -> float:
+    value = checks.number("cover", cover, "a distance >= 0.001 in m")
+    if value < THINNEST:
+        raise checks.refused("cover", cover, "a distance >= 0.001 in m")
+    return value
 
 
 def smooth_least(ratios: Sequence[ca.SX]) -> ca.SX:

@@ -9,7 +9,15 @@ import numpy as np
 
 from models.machines.manipulator import Manipulator
 from models.rigid_bodies.clearances import without_capsules
-from models.rigid_bodies.collisions import COVER, MARGIN, body_capsule, self_pairs, skeleton_shapes, with_shapes
+from models.rigid_bodies.collisions import (
+    COVER,
+    MARGIN,
+    THINNEST,
+    body_capsule,
+    self_pairs,
+    skeleton_shapes,
+    with_shapes,
+)
 from models.rigid_bodies.joint import Capsule
 from models.scenes.interval_entry import read_interval
 from models.scenes.link_clearance import LinkClearance
@@ -83,7 +91,9 @@ def read_clearance(document: Table, machine: Manipulator, obstacles: Sequence[Ob
         raise table.error("", f"{machine.name} has no capsules; give a radius of its lines, or [[{TABLE}.capsules]]")
     distance, apart = (_distance(table, name) for name in ("clearance", "self_clearance"))
     margin = _positive(table, "margin") if table.has("margin") else MARGIN
-    cover = _positive(table, "cover") if table.has("cover") else COVER
+    cover = table.number("cover", "m", COVER)
+    if cover < THINNEST:
+        raise table.error("cover", f"got {cover:g} m, expected a distance >= {THINNEST:g}")
     floor = table.number("floor", "m") if table.has("floor") else None
     regions = {one.name: one.region for one in obstacles if one.links}
     return LinkClearance(machine, regions, _pairs(table, machine), floor, distance, apart, margin, cover)

@@ -118,6 +118,7 @@ BROKEN_ARM = [
      "radius = 0.03\n[task]"),
     ("capsule without an end", "[task]", '[[collisions.capsules]]\nbody = "elbow_joint"\nstart = [0, 0, 0]\n[task]'),
     ("margin of zero", "clearance = 0.02", "margin = 0.0"),
+    ("cover too thin", "clearance = 0.02", "cover = 1e-6"),
     ("links of wrong type", "clearance = 0.02", "links = 1"),
     ("two obstacles of one name", "[[task.obstacles]]",
      '[[task.obstacles]]\nname = "post"\nshape = "ball"\ncentre = [0, 0, 3]\nradius = 0.1\n[[task.obstacles]]'),
