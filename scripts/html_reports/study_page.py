@@ -163,7 +163,7 @@ def _parallel(table: StudyTable, axes: list[str], result: str, units: Mapping[st
 def _dimension(values: Any, label: str) -> dict[str, Any]:
     """Return a column of the parallel coordinates; texts stand at whole numbers."""
     if values.dtype.kind in "fiu":
-        return {"label": label, "values": values.tolist()}
+        return {"label": label, "values": values.tolist(), "tickformat": ".6~g"}
     words = list(dict.fromkeys(map(str, values)))
     numbers = [words.index(str(value)) for value in values]
     return {"label": label, "values": numbers, "tickvals": list(range(len(words))), "ticktext": words}
