@@ -12,6 +12,7 @@ from models.machines.manipulator import Manipulator
 from models.mechanics.mechanics import Mechanics, assemble
 from models.mechanics.terms import Effect, Quantity
 from models.mechanics.torque_balance import joint_torques
+from ocp import checks
 from ocp.system import System
 
 
@@ -40,8 +41,9 @@ def inverse(machine: Manipulator, effects: Sequence[Effect] = (), frame: str | F
         constraint of the optimal-control problem: H. Ferrolho et al., Inverse dynamics vs. forward dynamics in
         direct transcription formulations for trajectory optimization, ICRA 2021.
     """
-    if frame is not None and frame != "coordinate":
-        raise ValueError("inverse: the control is the acceleration of the coordinates, expected no frame")
+    if frame is not None and not (isinstance(frame, str) and frame == "coordinate"):
+        wanted = "expected None or 'coordinate': the control is the acceleration of the coordinates"
+        raise ValueError(f"inverse: frame is {checks.shown(frame)}, {wanted}")
     mechanics = assemble(machine, effects)
     coordinates = machine.coordinates
     names = tuple(f"d2{c.name}/dt2" for c in coordinates)

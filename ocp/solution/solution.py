@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from enum import Enum
 
 import casadi as ca
@@ -46,15 +46,6 @@ class Timings:
     derivatives: float  # evaluation of cost, constraints and their derivatives
     solver: float  # the rest of the solve: linear algebra and line search
     total: float
-
-    def and_then(self, other: Timings) -> Timings:
-        """Return the sum of these seconds and those of what was done afterwards."""
-        return Timings(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
-
-    def lasting(self, seconds: float) -> Timings:
-        """Return the same seconds in derivatives and solver as part of a total; the rest of it counts as set-up."""
-        inside = self.derivatives + self.solver
-        return Timings(max(seconds - inside, 0.0), self.derivatives, self.solver, max(seconds, inside))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from ocp.solution.violations import passed_between_nodes
 from ocp.solving.deadline import overdue
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpSettings
-from ocp.solving.phase_solutions import timed
+from ocp.solving.phase_solutions import added, timed
 from ocp.solving.prepared_nlp import prepare
 from ocp.transcription.grid import Grid
 from ocp.transcription.schemes.scheme import Scheme
@@ -62,10 +62,10 @@ def held_between_nodes(
             break
         prepared = prepare(problem, scheme, grid, solver, best, values)
         again = prepared.proceed(best, values) if isinstance(best, Solution) else prepared(best, values)
-        seconds = seconds.and_then(again.timings)
+        seconds = added(seconds, again.timings)
         if not again.ok and not overdue():
             again = prepared(None, values)
-            seconds = seconds.and_then(again.timings)
+            seconds = added(seconds, again.timings)
         if not again.ok:
             break
         spent = best.iterations + again.iterations

@@ -28,7 +28,7 @@ from ocp.solving.guess_rungs import (
     WiderLimits,
 )
 from ocp.solving.nlp_solver import limited
-from ocp.solving.phase_solutions import timed
+from ocp.solving.phase_solutions import added, lasting, timed
 from ocp.transcription.guess import Guess
 
 INSTANT = 0.02  # seconds within which a rung has found that it does not apply
@@ -54,8 +54,8 @@ def climb(prepared: Solvable, rungs: tuple[Rung, ...], values: Values) -> AnySol
     result = _climbed(prepared, rungs, values, attempts)
     spent = attempts[0]
     for more in attempts[1:]:
-        spent = spent.and_then(more)
-    return timed(result, spent.lasting(prepared.setup + time.perf_counter() - begun))
+        spent = added(spent, more)
+    return timed(result, lasting(spent, prepared.setup + time.perf_counter() - begun))
 
 
 def _climbed(prepared: Solvable, rungs: tuple[Rung, ...], values: Values, attempts: list[Timings]) -> AnySolution:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Several
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 
@@ -62,3 +62,14 @@ def timed(result: AnySolution, timings: Timings) -> AnySolution:
     if isinstance(result, SequenceSolution):
         changes["phases"] = tuple(timed(phase, timings) for phase in result.phases)
     return replace(result, **changes)
+
+
+def added(timings: Timings, more: Timings) -> Timings:
+    """Return the sum of the seconds of a solve and those of what was done afterwards."""
+    return Timings(*(a + b for a, b in zip(astuple(timings), astuple(more), strict=True)))
+
+
+def lasting(timings: Timings, seconds: float) -> Timings:
+    """Return the same seconds in derivatives and solver as part of a total; the rest of it counts as set-up."""
+    inside = timings.derivatives + timings.solver
+    return Timings(max(seconds - inside, 0.0), timings.derivatives, timings.solver, max(seconds, inside))

@@ -143,6 +143,7 @@ class Prepared:
         values: list[list[float]],
         warm: bool = False,
         rung: str = "given guess",
+        spent: float = 0.0,
         multipliers: tuple[Array, Array] | None = None,
     ) -> AnySolution:
         """Solve once from one guess for each phase.
@@ -152,9 +153,10 @@ class Prepared:
             values: of the parameters of each phase.
             warm: whether the guesses are near a solution and may touch its bounds.
             rung: name of the guess in the solution.
+            spent: seconds that making the guess took; they count as set-up.
             multipliers: of the bounds (nz,) and of the rows (ng,) to start from.
         """
-        begun = time.perf_counter()
+        begun = time.perf_counter() - checks.number("spent", spent, "a number of seconds >= 0", at_least=0.0)
         nlps = self.joined.nlps
         check_attempt(self.problem, guesses, values, warm, rung)
         check_multipliers(multipliers, (sum(p.layout.size for p in nlps), len(self.joined.scaled.rows)))

@@ -21,7 +21,7 @@ from ocp.solution.state_scales import scales_of_states
 from ocp.solving.deadline import overdue
 from ocp.solving.guess_conversion import AnySolution
 from ocp.solving.nlp_solver import NlpSettings, limited
-from ocp.solving.phase_solutions import timed
+from ocp.solving.phase_solutions import added, lasting, timed
 from ocp.solving.prepared_nlp import prepare
 from ocp.transcription.grid import Grid
 
@@ -72,7 +72,7 @@ def resolved(
         prepared = prepare(solution.problem, phases[0].scheme, grid, solver, best, numbers)
         prepared = replace(prepared, settings=limited(prepared.settings, prepared.settings.max_iter, left))
         again = prepared.proceed(best, numbers) if isinstance(best, Solution) else prepared(best, numbers)
-        spent = spent.and_then(again.timings)
+        spent = added(spent, again.timings)
         if not again.ok:
             break
         if isinstance(again, Solution):
@@ -81,7 +81,7 @@ def resolved(
         grid = _finer(best, ALLOWED)
     if spent is solution.timings:
         return solution
-    spent = spent.lasting(solution.timings.total + time.perf_counter() - begun)
+    spent = lasting(spent, solution.timings.total + time.perf_counter() - begun)
     if best is solution:
         return timed(solution, spent)
     words = f"solved again with {len(_phases(best)[0].grid)} elements instead of {first}, finer where rates jump"

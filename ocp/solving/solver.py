@@ -15,7 +15,7 @@ from ocp.solving.between_nodes import held_between_nodes
 from ocp.solving.guess_conversion import AnySolution, GuessLike
 from ocp.solving.guess_rungs import Smooth, StraightLine, WiderLimits
 from ocp.solving.nlp_solver import NlpSettings
-from ocp.solving.phase_solutions import timed
+from ocp.solving.phase_solutions import added, lasting, timed
 from ocp.solving.prechecks import warnings_before
 from ocp.solving.prepared_nlp import prepare
 from ocp.solving.resolving_grid import resolved
@@ -63,9 +63,9 @@ def solve(
     if improbable and not (result.ok or result.status is Status.STOPPED or result.solver_status == "not started"):
         wider = prepared((WiderLimits(),), values)
         tried = result.message.removesuffix(")") + ", WiderLimits)"
-        spent = result.timings.and_then(wider.timings)
+        spent = added(result.timings, wider.timings)
         result = timed(wider if wider.ok else replace(result, message=tried), spent)
     result = held_between_nodes(result, problem, scheme, solver, values)
     result = resolved(result, solver, values) if grid is None and result.ok else result
-    result = timed(result, result.timings.lasting(time.perf_counter() - begun))
+    result = timed(result, lasting(result.timings, time.perf_counter() - begun))
     return replace(result, message=f"{result.message}; but {'; '.join(warnings)}") if warnings and result.ok else result

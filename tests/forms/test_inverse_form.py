@@ -74,7 +74,7 @@ def test_drives_with_states_are_refused(effect, named):
 
 
 def test_a_frame_is_refused():
-    with pytest.raises(ValueError, match="no frame"):
+    with pytest.raises(ValueError, match="frame is 'innovations', expected None or 'coordinate'"):
         inverse(robots.arm_3r(), [], "innovations")
     assert inverse(robots.arm_3r(), [], "coordinate").x.numel() == 6
 

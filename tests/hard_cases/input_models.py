@@ -45,8 +45,8 @@ def machines() -> tuple[Call, ...]:
     return (
         *made,
         Call("Manipulator.frame", arm.frame, {"name": A("regular", NOTHING, ("frame",)), "added": A(None, OPTIONAL)}),
-        *(Call(f"models.forms.{name}", getattr(forms, name), both | {"frame": A("regular", OPTIONAL)})
-          for name in forms.__all__),
+        *(Call(f"models.forms.{name}", getattr(forms, name), both | {
+            "frame": A("coordinate" if name == "inverse" else "regular", OPTIONAL)}) for name in forms.__all__),
         Call("models.Scene", models.Scene, both | {"form": A(forms.hamel, frozenset({"function"})),
             "frame": A("ldl", OPTIONAL)}),
         Call("Scene.without", scene.without, {"effect": A(on[0])}),
