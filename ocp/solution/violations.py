@@ -112,18 +112,17 @@ def passed_between_nodes(
 def _watched(constraint: Constraint, system: System, control: Control, free: bool) -> tuple[int, ...]:
     """Return the components that `passed_between_nodes` looks at, for a shape of controls with or without bounds."""
     bounds = {c: kind for kind, _, c in single_symbols(constraint, system)}
-    chosen = []
-    for c in range(constraint.expression.numel()):
-        part = constraint.expression[c]
+    linear = control is Control.SEGMENTS
+
+    def watched(c: int) -> bool:
         if c in bounds:
-            watched = bounds[c] == 0 and control is Control.SEGMENTS
-        elif ca.depends_on(part, system.u):
-            watched = free and control is not Control.COLLOCATED
-        else:
-            watched = control is Control.SEGMENTS or any(ca.which_depends(part, system.x, 2, True))
-        if watched:
-            chosen.append(c)
-    return tuple(chosen)
+            return linear and bounds[c] == 0
+        part = constraint.expression[c]
+        if ca.depends_on(part, system.u):
+            return free and control is not Control.COLLOCATED
+        return linear or any(ca.which_depends(part, system.x, 2, True))
+
+    return tuple(c for c in range(constraint.expression.numel()) if watched(c))
 
 
 class _Search:

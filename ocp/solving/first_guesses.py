@@ -186,11 +186,10 @@ def _use_of(problem: Problem, p: Array) -> Callable[[Guess], float]:
     Accelerations as controls have no bounds: expressions of them do, and their integrals.
     """
     low, high = problem.limits(Where.ALONG, problem.system.u)
-    along = components_along(problem)
-    if len(along) == 0 or np.isfinite(low).any() or np.isfinite(high).any() or not len(low):
+    if np.isfinite(low).any() or np.isfinite(high).any() or not len(low) or not len(problem.subject_to):
         return lambda guess: _use(guess.u, low, high)
-    sides = (np.concatenate([getattr(c, side) for c in problem.subject_to])[along] for side in ("lower", "upper"))
-    least, most = sides
+    along = components_along(problem)
+    least, most = (np.concatenate([getattr(c, side) for c in problem.subject_to])[along] for side in ("lower", "upper"))
     return lambda guess: _use(evaluate(point_values(problem), guess.x, guess.u, p)[1][:, along], least, most)
 
 
