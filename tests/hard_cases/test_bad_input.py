@@ -100,7 +100,12 @@ def available(name):
     return call
 
 
-@pytest.mark.parametrize("name", sorted(CALLS))
+LONG = "models.along_tool_path", "models.through_tool_points"  # seconds each
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in sorted(CALLS)]
+)
 def test_bad_values_are_refused_in_one_sentence(name):
     call = available(name)
     call()

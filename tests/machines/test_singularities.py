@@ -35,7 +35,10 @@ EACH_FORM = pytest.mark.parametrize("form", FORMS, ids=lambda form: form.__name_
 POLE = r"the frame 'paper' of the spherical manipulator is singular where sin\(theta\) is 0; use frame='regular'"
 
 
-@EACH_FORM
+@pytest.mark.parametrize(
+    "form", [lagrange, *(pytest.param(form, marks=pytest.mark.slow) for form in (hamel, canonical))],
+    ids=lambda form: form.__name__,
+)  # fmt: skip
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: type(method).__name__)
 def test_a_motion_through_the_pole_is_refused_in_the_frame_of_the_source(form, method):
     got = moved(form, "paper", method)

@@ -47,7 +47,10 @@ def task(body, before=""):
 
 
 @pytest.mark.parametrize("make", [cylindrical, spherical, torus], ids=lambda make: make.__name__)
-@pytest.mark.parametrize("form", [canonical, hamel, lagrange], ids=lambda form: form.__name__)
+@pytest.mark.parametrize(
+    "form", [canonical, *(pytest.param(form, marks=pytest.mark.slow) for form in (hamel, lagrange))],
+    ids=lambda form: form.__name__,
+)  # fmt: skip
 def test_prices_are_differences_of_counts(make, form):
     effects = (Gravity(), Payload(2.0, (0.02, 0.1, 0.0)), Viscous(0.5), RotorInertia(1e-4), LaggedDrive(0.02))
     scene = Scene(make(), effects, form)
