@@ -79,17 +79,19 @@ def _drives(mechanics: Mechanics, a: ca.SX) -> ca.SX:
                 f"canonical with {read.cure}"
             )
 
+    owner = terms.defines.get("transmission") or terms.defines.get("drives")
+    refused = ValueError(
+        f"inverse: {owner} has states of its own, which q, v and the acceleration do not determine; use canonical"
+    )
+
     def rate(expression: ca.SX) -> ca.SX:
-        owner = terms.defines.get("transmission") or terms.defines.get("drives")
-        raise ValueError(
-            f"inverse: {owner} has states of its own, which q, v and the acceleration do not determine; use canonical"
-        )
+        raise refused
 
     tau = joint_torques(mechanics, a)
     v = mechanics.machine.v
     if terms.transmission is not None:
         if any(not ca.depends_on(mechanics.machine.q, symbol) for symbol in ca.symvar(terms.transmission.motor_q)):
-            rate(tau)  # elastic joints, damped or not
+            raise refused  # elastic joints, damped or not
         _, v, tau = terms.transmission.invert(tau, rate)
     if terms.source is not None:
         tau = next(iter(terms.source.invert(tau, v, rate).values())).expression

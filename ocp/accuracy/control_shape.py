@@ -8,7 +8,7 @@ import numpy as np
 from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Where
 from ocp.problem.hamiltonian import hamiltonian_of
-from ocp.problem.pointwise import point_values
+from ocp.problem.pointwise import controls_without_bounds, point_values
 from ocp.problem.problem import Problem, parameters
 from ocp.solving.first_guesses import smooth
 from ocp.transcription.schemes.radau_iia import radau
@@ -29,7 +29,7 @@ def scheme_for(problem: Problem) -> Scheme:
 def _all_limited(problem: Problem) -> bool:
     """Return whether bounds, and limits on both sides of as many expressions as controls without, hold the controls."""
     u = problem.system.u
-    free = np.flatnonzero(~np.all(np.isfinite(problem.limits(Where.ALONG, u)), axis=0))
+    free = controls_without_bounds(problem)
     if len(free) == 0:
         return True
     held = [

@@ -7,6 +7,7 @@ import numpy as np
 from ocp.accuracy.tolerances import Tolerance
 from ocp.checks import Array
 from ocp.problem.constraints import Where
+from ocp.problem.pointwise import controls_without_bounds
 from ocp.solution.accuracy import Errors
 from ocp.solution.solution import Solution
 from ocp.transcription.grid import Grid
@@ -69,16 +70,12 @@ def refine(solution: Solution, wanted: Tolerance, errors: Errors) -> tuple[Schem
     nodes = np.unique(np.concatenate([ends[kept], added]))
     apart = np.append(True, np.diff(nodes) > NARROWEST)
     apart[-1] = True
-    if np.sum(apart) - 1 > GROWN * count and scheme.control is Control.CONSTANT and _without_bounds(solution):
+    assert solution.problem is not None
+    # Controls that expressions hold vary while one of these is at its limit.
+    varying = scheme.control is Control.CONSTANT and len(controls_without_bounds(solution.problem)) > 0
+    if varying and np.sum(apart) - 1 > GROWN * count:
         return FAMILIES[scheme.name](scheme.degree, Control.SEGMENTS), solution.grid
     return scheme, Grid(nodes[apart])
-
-
-def _without_bounds(solution: Solution) -> bool:
-    """Return whether controls have no bounds: limits of expressions hold them, so that they vary while at a limit."""
-    assert solution.problem is not None
-    sides = solution.problem.limits(Where.ALONG, solution.problem.system.u)
-    return bool(np.any(~np.isfinite(sides)))
 
 
 def _jumps(solution: Solution, marked: Array) -> list[tuple[int, int, list[float]]]:

@@ -25,6 +25,16 @@ def point_values(problem: Problem) -> ca.Function:
     return ca.Function("point", [system.x, system.u, system.p], [ca.densify(one) for one in outputs])
 
 
+def controls_without_bounds(problem: Problem) -> Array:
+    """Return the indices of the controls that lack a bound on one side or both along the motion.
+
+    Args:
+        problem: one phase.
+    """
+    sides = problem.limits(Where.ALONG, problem.system.u)
+    return np.flatnonzero(~np.all(np.isfinite(sides), axis=0))
+
+
 def components_along(problem: Problem) -> Array:
     """Return whether each of the constrained expressions of `point_values` is constrained along the motion.
 

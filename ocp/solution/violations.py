@@ -10,6 +10,7 @@ import numpy as np
 
 from ocp.checks import Array
 from ocp.problem.constraints import Constraint, Where, single_symbols
+from ocp.problem.pointwise import controls_without_bounds
 from ocp.problem.problem import Problem
 from ocp.problem.singularities import meeting
 from ocp.solution.figure import Figure
@@ -79,7 +80,7 @@ def passed_between_nodes(
     results: dict[str, list[tuple[int, float]]] = {}
     passed = False
     system = problem.system
-    free = bool(np.any(~np.isfinite(problem.limits(Where.ALONG, system.u))))
+    free = len(controls_without_bounds(problem)) > 0
     chosen = [
         (constraint, components)
         for constraint in problem.subject_to

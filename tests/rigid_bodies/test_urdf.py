@@ -20,16 +20,6 @@ from models.rigid_bodies.joint import Joint
 VECTORS = json.loads((Path(__file__).parent / "data" / "chain_vectors.json").read_text())["robots"]
 
 
-@pytest.fixture
-def file(tmp_path):
-    def write(text):
-        path = tmp_path / "robot.urdf"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
-
-
 def numbers(values):
     return " ".join(repr(float(x)) for x in values)
 

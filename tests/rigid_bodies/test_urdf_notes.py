@@ -6,16 +6,6 @@ from rigid_bodies.urdf_texts import GOOD, joint, robot
 from models import from_urdf
 
 
-@pytest.fixture
-def file(tmp_path):
-    def write(text):
-        path = tmp_path / "robot.urdf"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
-
-
 def test_names_with_spaces_around_them_are_the_same_names(file):
     arm = from_urdf(file(GOOD.replace('name="q2"', 'name=" q2 "').replace('link="b"', 'link=" b"')), "b")
     assert [c.name for c in arm.coordinates] == ["q1", "q2"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from catalogue.broken_scenes import BROKEN_ARM, SOUND_ARM
+from catalogue.broken_scenes import SOUND_ARM
 
 from models import inverse_kinematics, robots
 from models.rigid_bodies import least_clearance
@@ -20,7 +20,6 @@ from ocp import Ball, Cylinder, solve, uniform
 from ocp.problem.boundary_states import ends
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENT = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
 URDF = """<robot name="two"><link name="base"/>
 <link name="a"><inertial><origin xyz="0.25 0 0"/><mass value="3"/><inertia ixx="0.01" iyy="0.1" izz="0.1"/></inertial>
 <collision><origin xyz="0.25 0 0" rpy="0 1.5707963 0"/><geometry><cylinder radius="0.05" length="0.5"/></geometry>
@@ -62,17 +61,6 @@ shape = "ball"
 centre = [-0.5, 0.9, 0.9]
 radius = 0.1
 """
-
-
-@pytest.mark.parametrize(("name", "old", "new"), BROKEN_ARM, ids=[case[0] for case in BROKEN_ARM])
-def test_a_broken_file_gets_its_sentence(name, old, new):
-    assert SOUND_ARM.count(old) >= 1
-    with pytest.raises(SceneError) as caught:
-        task_file.of_text(SOUND_ARM.replace(old, new, 1), "arm.toml")
-    message = str(caught.value)
-    assert message.startswith("arm.toml")
-    assert "\n" not in message
-    assert f"- {name}: `{message}`\n" in DOCUMENT
 
 
 def test_what_is_read():

@@ -11,7 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from catalogue.broken_scenes import BROKEN, SOUND
+from catalogue.broken_scenes import BROKEN, BROKEN_ARM, SOUND, SOUND_ARM
 from reports import effect_budget as budget
 from writers import write_scenes
 
@@ -94,11 +94,14 @@ def test_a_scene_is_a_value_with_checks():
         Scene(spherical(), frame="arrow")
 
 
-@pytest.mark.parametrize(("name", "old", "new"), BROKEN, ids=[case[0] for case in BROKEN])
-def test_a_broken_file_gets_its_sentence(name, old, new):
-    assert SOUND.count(old) >= 1
+EVERY_BROKEN = [(sound, *case) for sound, cases in ((SOUND, BROKEN), (SOUND_ARM, BROKEN_ARM)) for case in cases]
+
+
+@pytest.mark.parametrize(("sound", "name", "old", "new"), EVERY_BROKEN, ids=[case[1] for case in EVERY_BROKEN])
+def test_a_broken_file_gets_its_sentence(sound, name, old, new):
+    assert sound.count(old) >= 1
     with pytest.raises(SceneError) as caught:
-        task_file.of_text(SOUND.replace(old, new, 1), "arm.toml")
+        task_file.of_text(sound.replace(old, new, 1), "arm.toml")
     message = str(caught.value)
     assert message.startswith("arm.toml")
     assert "\n" not in message
