@@ -91,7 +91,7 @@ def distances(
     result = []
     for name, region in obstacles.items():
         signed = signed_distance(region)
-        apart = {shape.body: [] for shape in moving}  # type: dict[str, list[Array]]
+        apart: dict[str, list[Array]] = {shape.body: [] for shape in moving}
         for shape in moving:
             ends = lines[:, number[id(shape)]]
             if isinstance(region, HalfSpace):

@@ -24,8 +24,8 @@ from ocp.numerics.evaluation import evaluate
 from ocp.problem.constraints import Constraint, along
 from ocp.problem.regions import HalfSpace, Region
 
-THINNEST = 1e-3  # smallest such distance; the number of spheres grows with the root of its inverse [m]
 COVER = 0.02  # spheres along a capsule stick out by at most this [m]
+THINNEST = 1e-3  # smallest such distance; the number of spheres grows with the root of its inverse [m]
 OVERLAPS = 0.3  # share of random positions at which bodies that overlap by construction touch
 SHARPNESS = 16  # p of the smooth least distance, which is below the true one by 4 to 9 % for two to four near spheres
 MARGIN = 1e-3  # kept at the nodes beyond the clearance, for what lies between them [m]

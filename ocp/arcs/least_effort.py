@@ -134,9 +134,8 @@ def _free_controls(problem: Problem, x: Array, u: Array, weights: Array, p: Arra
     Every limit that is met holds a combination of controls, the gradient of its first derivative that depends on them;
     a control is open if it can change along all of these.
     """
-    system, limits = problem.system, state_limits(problem)
-    free = np.flatnonzero(~np.isfinite(scales(problem)))
-    if not held_expressions(problem):
+    system, limits, free = problem.system, state_limits(problem), _undetermined_by_bounds(problem)
+    if not free or not limits:
         return []
     values, last = (ca.vertcat(*(one.chain[k] for one in limits)) for k in (0, -1))
     outputs = [ca.densify(values), ca.densify(ca.jacobian(last, system.u).T)]
@@ -202,20 +201,24 @@ def effort_shares(problem: Problem) -> ca.SX:
     """
     limit, u = scales(problem), problem.system.u
     own = [u[int(i)] / limit[i] for i in undetermined(problem)]
-    return ca.vertcat(ca.SX(0, 1), *own, *(share for _, share in held_expressions(problem)))
+    return ca.vertcat(ca.SX(0, 1), *own, *_held_expressions(problem))
 
 
-def held_expressions(problem: Problem) -> list[tuple[str, ca.SX]]:
-    """Return name and share of its limits of every expression that holds a control without bounds, linear in H."""
-    limit, u = scales(problem), problem.system.u
-    curvature, held = hamiltonian_of(problem).curvature, []
-    free = [i for i in range(u.numel()) if not np.isfinite(limit[i]) and ca.SX(curvature[i, i]).is_zero()]
+def _undetermined_by_bounds(problem: Problem) -> list[int]:
+    """Return the indices of the controls without bounds that the Hamiltonian is linear in."""
+    limit, curvature = scales(problem), hamiltonian_of(problem).curvature
+    return [i for i in range(len(limit)) if not np.isfinite(limit[i]) and ca.SX(curvature[i, i]).is_zero()]
+
+
+def _held_expressions(problem: Problem) -> list[ca.SX]:
+    """Return the share of its limits of every expression that holds a control without bounds, linear in H."""
+    u, free, held = problem.system.u, _undetermined_by_bounds(problem), list[ca.SX]()
     for constraint in problem.subject_to if free else ():
         for c in range(constraint.expression.numel()) if constraint.where is Where.ALONG else ():
             largest = max(abs(constraint.lower[c]), abs(constraint.upper[c]))
             part = constraint.expression[c]
             if np.isfinite(largest) and largest > 0.0 and ca.depends_on(part, u[free]):
-                held.append((problem.labels(constraint)[c].name, part / largest))
+                held.append(part / largest)
     return held
 
 

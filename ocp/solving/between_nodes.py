@@ -36,7 +36,7 @@ def held_between_nodes(
     result: AnySolution, problem: Problem | Sequence, scheme: Scheme | None, solver: NlpSettings | None,
     values: Mapping[str, float] | None,
 ) -> AnySolution:  # fmt: skip
-    """Return a solution that keeps nonlinear limits of states between the nodes as well.
+    """Return a solution that keeps limits between the nodes as well, those that `passed_between_nodes` looks at.
 
     If such a limit is exceeded by more than 1.8e-3 of its scale, elements with an excess of more than 1e-3 are split
     where it is largest, and the problem is solved again from the motion found, up to eight times. The message says so,
@@ -125,7 +125,7 @@ def with_nodes(grid: Grid, points: Mapping[str, list[tuple[float, float]]]) -> G
 
 
 def exceeded_between_nodes(solution: Solution) -> dict[str, list[tuple[float, float]]]:
-    """Return where nonlinear limits of states are exceeded between the nodes.
+    """Return where limits are exceeded between the nodes, those that `passed_between_nodes` looks at.
 
     Args:
         solution: with its problem.

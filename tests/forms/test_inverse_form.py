@@ -86,7 +86,7 @@ def test_the_graph_has_nothing_but_the_torques():
     count = ca.Function("tau", [system.x, system.u], [system["tau"]]).n_instructions()
     torques = inverse_dynamics(machine, [Gravity()])
     assert count <= torques.n_instructions()
-    assert f"{count} instructions" in " ".join(system.notes) or count < torques.n_instructions()
+    assert f"torques by inverse dynamics, {count} instructions" in system.notes
 
 
 def test_limited_expressions_hold_the_accelerations():
@@ -193,8 +193,10 @@ def test_a_seven_axis_arm_with_speed_limits_is_solved_verified_and_refined():
     *_, best = solve_to_accuracy(problem, 1e-3, grid=solution.grid, solver=QUIET, guess=solution)
     assert best.accuracy.met
     assert verify(best).ok
-    # From the torques alone in canonical form, where they are constant on each of 50 elements.
     share, x, u = states_along(Motion.of(best), canonical(machine, [Gravity()]), machine, [Gravity()])
     assert np.all(np.abs(u) <= 1.004 * np.array(machine.limits["tau"][1]))
     assert x.shape == (len(share), 14)
-    assert best.duration == pytest.approx(0.4612, abs=1e-3)
+    # The first joint turns by 1 rad; at its limit of speed all the time that would take 1 / 2.175 s.
+    shortest = 1.0 / machine.limits["v"][1][0]
+    assert shortest < best.duration - best.accuracy.error
+    assert best.duration < 1.005 * shortest

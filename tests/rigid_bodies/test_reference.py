@@ -11,7 +11,7 @@ from rigid_bodies.tree_engine import Engine, random_joints
 
 from models import Joint, Kind, Link, inverse_dynamics, robots, tree
 from models.effects import Gravity
-from models.forms import canonical, hamel, lagrange
+from models.forms import canonical, hamel, inverse, lagrange
 
 VECTORS = json.loads((Path(__file__).parent / "data" / "chain_vectors.json").read_text())["robots"]
 FRAMES = (None, "coordinate", "innovations", "udu", "ldl")
@@ -66,6 +66,15 @@ ORDINARY = [(name, form, None) for name in VECTORS for form in FORMS] + [
 ]
 EVERY = [(name, form, frame) for name in VECTORS for form in FORMS for frame in FRAMES]
 REST = [case for case in EVERY if case not in ORDINARY]
+
+
+@pytest.mark.parametrize("name", VECTORS)
+def test_torques_of_given_accelerations_are_those_of_the_other_engine(name):
+    system = inverse(machine_of(name), [Gravity()])
+    torques = ca.Function("tau", [system.x, system.u], [system["tau"]])
+    for state in VECTORS[name]["states"]:
+        found = torques(np.concatenate([state["q"], state["v"]]), state["given_acceleration"])
+        assert relative(found, state["inverse_dynamics"]) < EXACT
 
 
 @pytest.mark.parametrize(("name", "form", "frame"), ORDINARY)
